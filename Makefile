@@ -1,0 +1,217 @@
+# Arris: build, test, demo, bench, install. All output goes under $(B).
+#
+#   make            build/arris and its plugins; a second one does nothing
+#   make demo       install what is missing, build, measure the box, show the result
+#   make test       install what is missing, build, run every test
+#   make check      the tests under ASan and UBSan, TSan, valgrind; a minute of each fuzzer
+#   make bench      speed and accuracy beside others, in one run
+#   make lint       format, headers alone, shell scripts        make format  put the format right
+#   make install    PREFIX=/usr/local, DESTDIR=                 make uninstall
+
+B       ?= build
+PREFIX  ?= /usr/local
+LIBDIR  ?= $(PREFIX)/lib
+OPT     ?= -O2 -g
+VERSION := 0.1.0
+
+WARN    := -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion -Werror
+san     := $(SAN:%=-fsanitize=% -fno-omit-frame-pointer)
+base     = $(OPT) $(WARN) -fPIC -fvisibility=hidden -ffp-contract=off -MMD -MP $(san) \
+           -Icore -Iplugins -Iplugins/common -DARRIS_VERSION=\"$(VERSION)\"
+cflags   = -std=c11 -D_GNU_SOURCE -Wstrict-prototypes $(base) $(CFLAGS)
+cxxflags = -std=c++17 $(base) $(CXXFLAGS)
+ldflags  = $(san) $(LDFLAGS)
+
+core_src   := $(sort $(wildcard core/*.c))
+cli_src    := core/cli/main.c core/cli/launch.c core/cli/stages.c
+common_src := $(sort $(wildcard plugins/common/*.c))
+plugins    := $(sort $(patsubst plugins/%/plugin.c,%,$(wildcard plugins/*/plugin.c)))
+headers    := core/arris.h core/arris_plugin.h core/arris_geometry.h core/arris_types.h
+
+.PHONY: all demo test check bench lint format install uninstall clean setup-% \
+        run-tests run-valgrind run-fuzz fuzzers
+.DELETE_ON_ERROR:
+.SECONDARY:
+all: $(B)/arris $(plugins:%=$(B)/lib/arris/%.stages)
+
+# What each plugin and test needs beyond core: NAME_PKGS (pkg-config), NAME_CFLAGS, NAME_LIBS.
+include $(wildcard plugins/*/plugin.mk) tests/tests.mk
+common_PKGS := jansson
+
+obj         = $(patsubst %,$(B)/obj/%.o,$(1))
+plugin_obj  = $(call obj,$(sort $(wildcard plugins/$(1)/*.c plugins/$(1)/*.cc)))
+pkg_cflags  = $(if $($(1)_PKGS),$(shell pkg-config --cflags $($(1)_PKGS))) $($(1)_CFLAGS)
+pkg_libs    = $(if $($(1)_PKGS),$(shell pkg-config --libs $($(1)_PKGS))) $($(1)_LIBS)
+owner       = $(if $(filter plugins/%,$(1)),$(word 2,$(subst /, ,$(1))),$(notdir $(1)))
+
+# V=1 shows every command whole.
+Q  := $(if $(V),,@)
+say = $(if $(V),@:,@echo '$(1)  $(2)')
+
+# ---- objects and programs --------------------------------------------------------------------
+
+$(B)/obj/%.c.o: %.c Makefile | $(B)/packages
+	@mkdir -p $(@D)
+	$(call say,CC,$<)
+	$(Q)$(CC) $(cflags) $(call pkg_cflags,$(call owner,$*)) -c -o $@ $<
+$(B)/obj/%.cc.o: %.cc Makefile | $(B)/packages
+	@mkdir -p $(@D)
+	$(call say,CXX,$<)
+	$(Q)$(CXX) $(cxxflags) $(call pkg_cflags,$(call owner,$*)) -c -o $@ $<
+
+# Names what is missing before a compiler stumbles over it.
+pkgs := $(sort $(common_PKGS) $(foreach p,$(plugins),$($(p)_PKGS)))
+$(B)/packages: $(wildcard plugins/*/plugin.mk)
+	@mkdir -p $(@D)
+	@for p in $(pkgs); do pkg-config --exists $$p || { \
+	    echo "make: the library $$p is missing; 'make setup-build' installs what the build needs" >&2; \
+	    exit 1; }; done
+	@touch $@
+
+$(B)/lib/libarris.so.1: $(call obj,$(core_src))
+	@mkdir -p $(@D)
+	$(call say,MAKE,$@)
+	$(Q)$(CC) -shared -Wl,-soname,libarris.so.1 -o $@ $^ $(ldflags) -lm -lpthread -ldl
+	@ln -sf libarris.so.1 $(B)/lib/libarris.so
+$(B)/libarris.a: $(call obj,$(core_src))
+	$(call say,AR,$@)
+	$(Q)rm -f $@; $(AR) rcs $@ $^
+$(B)/common.a: $(call obj,$(common_src))
+	$(call say,AR,$@)
+	$(Q)rm -f $@; $(AR) rcs $@ $^
+$(B)/arris: $(call obj,$(cli_src)) $(B)/lib/libarris.so.1
+	$(call say,MAKE,$@)
+	$(Q)$(CC) -o $@ $^ $(ldflags) -Wl,-rpath,'$$ORIGIN/lib:$$ORIGIN/../lib'
+$(B)/mklist: $(call obj,core/cli/mklist.c)
+	$(call say,MAKE,$@)
+	$(Q)$(CC) -o $@ $^ $(ldflags) -ldl
+
+.SECONDEXPANSION:
+$(B)/lib/arris/%.so: $$(call plugin_obj,$$*) $(B)/common.a $(B)/lib/libarris.so.1
+	@mkdir -p $(@D)
+	$(call say,MAKE,$@)
+	$(Q)$(CXX) -shared -o $@ $(filter %.o %.a,$^) -L$(B)/lib -larris $(ldflags) -Wl,-z,defs -Wl,-rpath,'$$ORIGIN/..' \
+	    -Wl,--exclude-libs,ALL $(call pkg_libs,$*) $(call pkg_libs,common) -lm
+$(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
+	$(call say,MAKE,$@)
+	$(Q)$(B)/mklist $< > $@
+
+# ---- set-up: installs the Debian packages that are missing, and says which --------------------
+
+packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev \
+                  libopencv-core-dev libopencv-imgproc-dev libeigen3-dev
+packages_test  := $(packages_build) libcmocka-dev
+packages_check := $(packages_test) clang libclang-rt-14-dev valgrind
+packages_bench := $(packages_test) libgstreamer1.0-dev libopencv-contrib-dev
+packages_lint  := $(packages_build) clang-format shellcheck
+
+setup-%:
+	@missing=; for p in $(packages_$*); do \
+	    dpkg-query -W -f '$${Status}\n' $$p 2>/dev/null | grep -q 'ok installed' || missing="$$missing $$p"; done; \
+	if [ -n "$$missing" ]; then \
+	    echo "installing:$$missing"; \
+	    [ "$$(id -u)" = 0 ] || sudo=sudo; \
+	    $$sudo apt-get update -q && \
+	    $$sudo env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends $$missing; \
+	fi
+
+# The libraries are looked for when make starts, so what comes after a set-up is a make of its own.
+demo: setup-build
+	@$(MAKE) --no-print-directory all $(B)/report
+	@mkdir -p $(B)/demo && cd $(B)/demo && ../arris launch $(CURDIR)/samples/box/box.arris
+	@$(B)/report $(B)/demo/lines.json samples/box/truth.json
+	@echo "views: $(B)/demo/lines.svg"
+test: setup-test
+	@$(MAKE) --no-print-directory run-tests
+$(B)/report: $(call obj,samples/box/report.c)
+	$(call say,MAKE,$@)
+	$(Q)$(CC) -o $@ $^ $(ldflags) -ljansson -lm
+
+# ---- tests: one program a module, linked with the plugin of its name --------------------------
+
+tests      := $(sort $(patsubst tests/test_%.c,%,$(wildcard tests/test_*.c)))
+test_parts  = $(1) $(test_$(1)_uses)
+$(B)/tests/test_%: $$(call obj,tests/test_$$*.c) \
+        $$(foreach p,$$(call test_parts,$$*),$$(call plugin_obj,$$p)) $(B)/common.a $(B)/libarris.a
+	@mkdir -p $(@D)
+	$(call say,MAKE,$@)
+	$(Q)$(CXX) -o $@ $^ $(ldflags) $(foreach p,$(call test_parts,$*) test_$*,$(call pkg_libs,$(p))) \
+	    $(call pkg_libs,common) -lcmocka -lm -lpthread -ldl
+
+run-tests: all test-parts $(tests:%=$(B)/tests/test_%)
+	@passed=0; failed=; for t in $(tests); do echo "== $$t"; \
+	    if B=$(B) $(B)/tests/test_$$t; then passed=$$((passed + 1)); else failed="$$failed $$t"; fi; done; \
+	[ -z "$$failed" ] || echo "failed:$$failed"; \
+	echo "$$passed passed, $$(echo $$failed | wc -w) failed"; [ -z "$$failed" ]
+
+check: setup-check
+	$(MAKE) run-tests B=$(B)/asan SAN=address,undefined LDFLAGS='$(LDFLAGS) -fno-sanitize-recover=all'
+	TSAN_OPTIONS=halt_on_error=1 $(MAKE) run-tests B=$(B)/tsan SAN=thread
+	$(MAKE) run-valgrind
+	$(MAKE) run-fuzz
+run-valgrind: all $(valgrind_tests:%=$(B)/tests/test_%)
+	for t in $(valgrind_tests); do \
+	    B=$(B) valgrind -q --error-exitcode=9 --leak-check=full $(B)/tests/test_$$t || exit 1; done
+
+# ---- fuzzing: libFuzzer, each for FUZZ_SECONDS -------------------------------------------------
+
+FUZZ_SECONDS ?= 60
+fuzzers := $(sort $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c)))
+run-fuzz:
+	$(MAKE) fuzzers B=$(B)/fuzz CC=clang CXX=clang++ SAN=fuzzer-no-link,address,undefined
+	for f in $(fuzzers); do mkdir -p $(B)/fuzz/corpus/$$f; echo $$f; done | \
+	    xargs -P 2 -I{} sh -c '$(B)/fuzz/fuzz_{} -max_total_time=$(FUZZ_SECONDS) -timeout=10 -rss_limit_mb=3000 \
+	    -artifact_prefix=$(B)/fuzz/{}- $(B)/fuzz/corpus/{} $$(ls -d tests/fuzz/seeds/{} 2>/dev/null) \
+	    > $(B)/fuzz/{}.log 2>&1 || { tail -30 $(B)/fuzz/{}.log; exit 255; }; tail -1 $(B)/fuzz/{}.log'
+fuzzers: $(fuzzers:%=$(B)/fuzz_%)
+$(B)/fuzz_%: $$(call obj,tests/fuzz/fuzz_$$*.c) \
+        $$(foreach p,$$(fuzz_$$*_uses),$$(call plugin_obj,$$p)) $(B)/common.a $(B)/libarris.a
+	$(call say,MAKE,$@)
+	$(Q)$(CXX) -fsanitize=fuzzer,address,undefined -o $@ $^ \
+	    $(foreach p,$(fuzz_$*_uses) common,$(call pkg_libs,$(p))) -lm -lpthread -ldl
+
+# ---- bench ------------------------------------------------------------------------------------
+
+benches := $(sort $(basename $(notdir $(wildcard tests/bench/bench_*.c tests/bench/bench_*.cc))))
+bench: setup-bench
+	@$(MAKE) --no-print-directory run-benches
+run-benches: all $(benches:%=$(B)/bench/%)
+	@for b in $(benches); do echo "== $$b"; $(B)/bench/$$b || exit 1; done
+$(B)/bench/%: $$(call obj,$$(wildcard tests/bench/$$*.c tests/bench/$$*.cc)) \
+        $$(foreach p,$$($$*_uses),$$(call plugin_obj,$$p)) $(B)/common.a $(B)/libarris.a
+	@mkdir -p $(@D)
+	$(call say,MAKE,$@)
+	$(Q)$(CXX) -o $@ $^ $(ldflags) $(foreach p,$($*_uses) $* common,$(call pkg_libs,$(p))) -lm -lpthread -ldl
+
+# ---- install ----------------------------------------------------------------------------------
+
+install: all
+	install -d $(addprefix $(DESTDIR),$(PREFIX)/bin $(LIBDIR)/arris $(LIBDIR)/pkgconfig $(PREFIX)/include/arris)
+	install $(B)/arris $(DESTDIR)$(PREFIX)/bin
+	install $(B)/lib/libarris.so.1 $(DESTDIR)$(LIBDIR)
+	ln -sf libarris.so.1 $(DESTDIR)$(LIBDIR)/libarris.so
+	install -m 644 $(headers) $(DESTDIR)$(PREFIX)/include/arris
+	install $(plugins:%=$(B)/lib/arris/%.so) $(DESTDIR)$(LIBDIR)/arris
+	install -m 644 $(plugins:%=$(B)/lib/arris/%.stages) $(DESTDIR)$(LIBDIR)/arris
+	sed 's|@PREFIX@|$(PREFIX)|; s|@LIBDIR@|$(LIBDIR)|; s|@VERSION@|$(VERSION)|' core/arris.pc.in \
+	    > $(DESTDIR)$(LIBDIR)/pkgconfig/arris.pc
+uninstall:
+	rm -f $(addprefix $(DESTDIR),$(PREFIX)/bin/arris $(LIBDIR)/libarris.so.1 $(LIBDIR)/libarris.so \
+	    $(LIBDIR)/pkgconfig/arris.pc $(plugins:%=$(LIBDIR)/arris/%.so) $(plugins:%=$(LIBDIR)/arris/%.stages) \
+	    $(headers:core/%=$(PREFIX)/include/arris/%))
+	-rmdir $(addprefix $(DESTDIR),$(LIBDIR)/arris $(PREFIX)/include/arris) 2>/dev/null
+
+# ---- form -------------------------------------------------------------------------------------
+
+sources = $(shell find core plugins drivers tests samples \( -name '*.[ch]' -o -name '*.cc' \))
+format: setup-lint
+	clang-format -i $(sources)
+lint: setup-lint
+	clang-format --dry-run -Werror $(sources)
+	for h in $(headers); do $(CC) -std=c11 -Wall -Wextra -Werror -fsyntax-only -x c $$h && \
+	    $(CXX) -std=c++17 -Wall -Wextra -Werror -fsyntax-only -x c++ $$h || exit 1; done
+	shellcheck $(shell git ls-files '*.sh' .ci/run)
+clean:
+	rm -rf $(B)
+
+-include $(shell find $(B)/obj -name '*.d' 2>/dev/null)
