@@ -95,6 +95,7 @@ typedef struct arris_layers {
     uint32_t needs; /* without these the graph is refused */
     uint32_t wants; /* used when they are there */
     uint32_t gives; /* added, or replaced */
+    uint32_t asks;  /* made downstream, of an earlier frame: see arris_feedback */
 } arris_layers;
 
 typedef struct arris_stage_desc {
@@ -192,6 +193,19 @@ void arris_frame_set(arris_frame *f, int64_t index, int64_t utime);
 
 /* A layer of the frame to read; NULL when it has none. Valid until process returns. */
 const void *arris_layer_get(const arris_frame *f, enum arris_layer layer);
+
+/* In settle or setup: how many frames before the present one arris_feedback looks, 1 to 16
+ * (default 1). */
+void arris_set_delay(arris_stage *s, int frames);
+
+/* Whether a stage downstream gives a layer that this one asks for; from setup on. Any thread. */
+bool arris_has_feedback(const arris_stage *s, enum arris_layer layer);
+
+/* In process: a layer that this stage asks for, as the nearest giver downstream made it `delay`
+ * frames (that came to this stage) before. Waits for it when a queue stands between, so that what
+ * comes of it does not depend on threads. NULL: that frame was dropped on the way, there was none
+ * yet, nobody gives it, or the pipeline is aborted. Valid until process returns. */
+const void *arris_feedback(arris_stage *s, enum arris_layer layer);
 
 /* A fresh buffer of a layer that this stage gives and has reserved; the frame carries it from now
  * on in the place of one that it had, which stays readable until process returns. Counts and

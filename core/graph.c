@@ -147,7 +147,8 @@ static int make_pools(arris_pipeline *p, arris_error *err) {
         for (uint32_t set = s->layers.gives; set; set &= set - 1) {
             enum arris_layer layer = (enum arris_layer)__builtin_ctz(set);
             layer_pool *l = &s->pools[layer];
-            size_t n = in_flight(s) + 1, size = layer_size(layer, &s->caps, l->n, l->m);
+            size_t n = in_flight(s) + 1 + loops_hold(s, layer),
+                   size = layer_size(layer, &s->caps, l->n, l->m);
             if (!size || pool_init(&l->pool, n, size))
                 return error_at(err, &s->at, 0, ARRIS_E_MEMORY, NULL,
                                 "%s: no memory for %zu layers '%s' of %zu bytes", s->name, n,
@@ -170,6 +171,8 @@ int arris_check(arris_pipeline *p, arris_error *err) {
     memset(p->setup_error, 0, sizeof *p->setup_error);
     for (size_t i = 0; rc == 0 && i < p->n_stages; i++)
         rc = settle(p->stage[i], p->setup_error);
+    if (rc == 0)
+        rc = loops_make(p, p->setup_error);
     for (size_t i = 0; rc == 0 && i < p->n_stages; i++)
         rc = set_up(p->stage[i], p->setup_error);
     if (rc == 0)

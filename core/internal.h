@@ -167,6 +167,13 @@ typedef struct waiter { /* one thread that sleeps, and those that wake it */
     atomic_int waiting;
 } waiter;
 
+int waiter_init(waiter *w);
+void waiter_free(waiter *w);
+/* Waits until ready(what); false when *stop came first. */
+bool waiter_wait(waiter *w, bool (*ready)(const void *), const void *what, const atomic_int *stop);
+/* To be called after what `ready` looks at has changed. */
+void waiter_wake(waiter *w);
+
 typedef struct ring {
     size_t size;
     _Atomic(arris_frame *) *slot;
@@ -177,7 +184,7 @@ typedef struct ring {
 
 int ring_init(ring *r, size_t size);
 void ring_free(ring *r);
-size_t ring_count(ring *r);
+size_t ring_count(const ring *r);
 /* Takes the oldest; NULL when empty. Any thread. */
 arris_frame *ring_try_take(ring *r);
 /* Puts one; false when `limit` frames are in it. The one producer. */
@@ -207,7 +214,7 @@ void bus_end(bus *b);
 /* ---- the graph ----------------------------------------------------------------------------------
  */
 
-enum { MAX_STAGES = 256, MAX_COUNTERS = 8, MAX_NAME = 64 };
+enum { MAX_STAGES = 256, MAX_COUNTERS = 8, MAX_NAME = 64, MAX_LOOPS = 4, MAX_DELAY = 16 };
 
 typedef struct lane {
     arris_pipeline *pipeline;
@@ -223,6 +230,16 @@ typedef struct layer_pool {
     size_t n, m; /* capacities as reserved */
     bool reserved;
 } layer_pool;
+
+/* A layer on its way back upstream (loop.c). Frames are counted as they come to the asker. */
+typedef struct loop {
+    arris_stage *asker, *giver;
+    enum arris_layer layer;
+    uint64_t entered;               /* frames that have come to the asker */
+    pool_item *slot[MAX_DELAY + 1]; /* NULL: a frame that was dropped */
+    atomic_ullong posted;           /* frames whose result stands in a slot */
+    waiter waiter;
+} loop;
 
 struct arris_stage {
     arris_pipeline *pipeline;
@@ -241,6 +258,8 @@ struct arris_stage {
     uint32_t have;       /* what reaches it */
     arris_caps caps;     /* as it hands them on */
     bool was_set_up, live, failed;
+    int delay;       /* of what it asks for */
+    uint32_t inside; /* the loops that it stands in, from asker to giver, both included */
     lane *lane;
 
     layer_pool pools[ARRIS_MAX_LAYERS];
@@ -262,6 +281,7 @@ struct arris_frame {
     uint64_t queued;             /* ticks, when it was put into the queue that it waits in */
     bool last;                   /* the one that carries finish */
     uint32_t carries;            /* the layers that are not NULL */
+    uint64_t number[MAX_LOOPS];  /* among the frames that have come to a loop's asker */
     uint32_t given;              /* by the stage that works on it now */
     pool_item *layer[ARRIS_MAX_LAYERS];
     pool_item *old[ARRIS_MAX_LAYERS]; /* replaced; kept until process returns */
@@ -275,6 +295,8 @@ struct arris_pipeline {
     size_t n_lanes, n_leaves;
     arris_stage *first_leaf;
     pool frames;
+    loop loop[MAX_LOOPS];
+    size_t n_loops;
     bus bus;
     FILE *trace;
     double ns_per_tick;       /* for the trace */
@@ -303,6 +325,15 @@ void frame_release(arris_frame *f);
 arris_stage *stage_new(arris_pipeline *p, const arris_stage_desc *d, const token *at,
                        arris_error *err);
 int stage_link(arris_stage *from, arris_stage *to, arris_error *err);
+
+/* loop.c */
+int loops_make(arris_pipeline *p, arris_error *err);
+void loops_free(arris_pipeline *p);
+/* Buffers of a giver's layer that its loops hold. */
+size_t loops_hold(const arris_stage *giver, enum arris_layer layer);
+/* Before and after a stage works on a frame; after: `gone` when it dropped the frame. */
+void loops_enter(arris_stage *s, arris_frame *f);
+void loops_leave(arris_stage *s, arris_frame *f, bool gone);
 
 /* run.c: joins the lanes; what has not ended is aborted. */
 void run_join(arris_pipeline *p);

@@ -46,6 +46,7 @@ arris_stage *stage_new(arris_pipeline *p, const arris_stage_desc *d, const token
     s->pipeline = p;
     s->desc = d;
     s->at = *at;
+    s->delay = 1;
     atomic_store(&s->frame, -1);
     name_stage(p, s);
     p->stage[p->n_stages++] = s;
@@ -251,6 +252,7 @@ void arris_free(arris_pipeline *p) {
     for (size_t i = p->n_stages; i-- > 0;)
         stage_free(p->stage[i]);
     trace_close(p);
+    loops_free(p);
     pool_free(&p->frames);
     bus_free(&p->bus);
     lex_free(&p->tokens);

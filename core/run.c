@@ -105,8 +105,13 @@ static int call(arris_stage *s, arris_frame *f) {
 static int work(arris_stage *s, arris_frame *f, uint64_t *from) {
     arris_pipeline *p = s->pipeline;
     atomic_store_explicit(&s->frame, (long long)f->seq, memory_order_relaxed);
+    bool looped = s->inside && !f->last;
+    if (looped)
+        loops_enter(s, f);
     int rc = call(s, f);
     frame_settle(f);
+    if (looped)
+        loops_leave(s, f, rc != 0);
     uint64_t to = clock_ticks();
     if (!f->last && rc != ARRIS_END)
         histogram_add(&s->time, to - *from);
@@ -176,9 +181,10 @@ static void run_queue(arris_stage *q) {
         uint64_t from = clock_ticks();
         if (!last)
             histogram_add(&q->time, from - f->queued);
-        if (too_late(q, f))
+        if (too_late(q, f)) {
+            loops_leave(q, f, true);
             drop(q, f);
-        else
+        } else
             pass_to(q->out[0], f, from);
         if (last)
             return;
