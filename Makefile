@@ -151,7 +151,8 @@ check: setup-check
 	$(MAKE) run-fuzz
 run-valgrind: all $(valgrind_tests:%=$(B)/tests/test_%)
 	for t in $(valgrind_tests); do \
-	    B=$(B) valgrind -q --error-exitcode=9 --leak-check=full $(B)/tests/test_$$t || exit 1; done
+	    B=$(B) valgrind -q --error-exitcode=9 --leak-check=full \
+	        --suppressions=tests/valgrind.supp $(B)/tests/test_$$t || exit 1; done
 
 # ---- fuzzing: libFuzzer, each for FUZZ_SECONDS -------------------------------------------------
 

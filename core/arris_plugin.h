@@ -63,6 +63,8 @@ typedef struct arris_prop {
  */
 #define ARRIS_P_INT(T, field, name, value, min, max, unit, help)                                   \
     { name, ARRIS_INT, offsetof(T, field), value, min, max, unit, NULL, help }
+#define ARRIS_P_INT_OR(T, field, name, word, value, min, max, unit, help)                          \
+    { name, ARRIS_INT, offsetof(T, field), value, min, max, unit, word, help }
 #define ARRIS_P_DOUBLE(T, field, name, value, min, max, unit, help)                                \
     { name, ARRIS_DOUBLE, offsetof(T, field), value, min, max, unit, NULL, help }
 #define ARRIS_P_DOUBLE_OR(T, field, name, word, value, min, max, unit, help)                       \

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
  * bus.c: messages from the lanes to the pipeline's owner: a ring under a lock. When nobody takes
- * them the newest are counted and lost, so the first error always stands.
+ * them the newest are counted and lost, but never the first error.
  */
 #include <errno.h>
 #include <time.h>
@@ -22,12 +22,20 @@ void bus_free(bus *b) {
     pthread_cond_destroy(&b->cond);
 }
 
+/* Of the newest and `m` one is lost. */
+static void lose_one(bus *b, const arris_message *m) {
+    arris_message *newest = &b->message[(b->head + b->n - 1) % BUS_MESSAGES];
+    if (m->severity == ARRIS_ERROR && newest->severity != ARRIS_ERROR)
+        *newest = *m;
+    b->lost++;
+}
+
 void bus_post(bus *b, const arris_message *m) {
     pthread_mutex_lock(&b->mutex);
     if (b->n < BUS_MESSAGES)
         b->message[(b->head + b->n++) % BUS_MESSAGES] = *m;
     else
-        b->lost++;
+        lose_one(b, m);
     pthread_cond_signal(&b->cond);
     pthread_mutex_unlock(&b->mutex);
 }

@@ -87,7 +87,7 @@ int error_at(arris_error *err, const token *t, size_t skip, int code, const char
     if (t->src->path) {
         snprintf(err->file, sizeof err->file, "%s", t->src->path);
         err->line_number = 1;
-        for (size_t i = 0; i < t->at; i++)
+        for (size_t i = 0; i < t->at + skip; i++)
             err->line_number += t->src->text[i] == '\n';
     }
     return code;

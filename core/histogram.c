@@ -34,8 +34,9 @@ void histogram_add(histogram *h, uint64_t ticks) {
 
 uint64_t histogram_quantile(const histogram *h, double q) {
     uint64_t rank = (uint64_t)(q * (double)atomic_load(&h->n)), max = atomic_load(&h->max);
-    for (unsigned i = 0, seen = 0; i < HISTOGRAM_BUCKETS; i++) {
-        seen += (unsigned)atomic_load_explicit(&h->bucket[i], memory_order_relaxed);
+    uint64_t seen = 0;
+    for (unsigned i = 0; i < HISTOGRAM_BUCKETS; i++) {
+        seen += atomic_load_explicit(&h->bucket[i], memory_order_relaxed);
         if (seen > rank)
             return middle_of(i) < max ? middle_of(i) : max;
     }

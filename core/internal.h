@@ -235,9 +235,11 @@ typedef struct layer_pool {
 typedef struct loop {
     arris_stage *asker, *giver;
     enum arris_layer layer;
-    uint64_t entered;               /* frames that have come to the asker */
-    pool_item *slot[MAX_DELAY + 1]; /* NULL: a frame that was dropped */
-    atomic_ullong posted;           /* frames whose result stands in a slot */
+    uint64_t entered; /* frames that have come to the asker */
+    struct {
+        pool_item *item;      /* NULL: of a frame that was dropped */
+        atomic_ullong posted; /* the number of the frame that it is of, from 1 */
+    } slot[MAX_DELAY + 1];
     waiter waiter;
 } loop;
 
@@ -257,7 +259,8 @@ struct arris_stage {
     arris_layers layers; /* as settled */
     uint32_t have;       /* what reaches it */
     arris_caps caps;     /* as it hands them on */
-    bool was_set_up, live, failed;
+    bool was_set_up, live;
+    atomic_bool failed;
     int delay;       /* of what it asks for */
     uint32_t inside; /* the loops that it stands in, from asker to giver, both included */
     lane *lane;

@@ -27,21 +27,25 @@ static source *source_new(token_list *out, const source *up, const char *path, c
     return s;
 }
 
-/* Copies the word that starts at text[*i] without its quotes. NULL: a quote is not closed. */
+/* Copies the word that starts at text[*i] without its quotes, and moves *i behind it. NULL: a quote
+ * is not closed, and *i is where it was opened. */
 static char *word(const char *text, size_t *i, char *to) {
     char quote = 0, *start = to;
+    size_t opened = *i;
     for (; text[*i] && (quote || !isspace((unsigned char)text[*i])); ++*i) {
         char c = text[*i];
         if (quote && c == quote)
             quote = 0;
         else if (!quote && (c == '"' || c == '\''))
-            quote = c;
+            quote = c, opened = *i;
         else if (c == '\\' && quote != '\'' && text[*i + 1])
             *to++ = text[++*i];
         else
             *to++ = c;
     }
     *to = '\0';
+    if (quote)
+        *i = opened;
     return quote ? NULL : start;
 }
 
@@ -134,8 +138,8 @@ static int lex_source(token_list *out, source *src, arris_error *err) {
             break;
         token t = {src, buffer, i};
         if (!word(src->text, &i, buffer))
-            rc =
-                error_at(err, &t, 0, ARRIS_E_RECIPE, NULL, "a quote is opened here and not closed");
+            rc = error_at(err, &t, i - t.at, ARRIS_E_RECIPE, NULL,
+                          "a quote is opened here and not closed");
         else
             rc = is_recipe(buffer) ? include(out, &t, err) : append(out, &t, err);
     }

@@ -2,8 +2,9 @@
  *
  * loop.c: feedback: a layer that is made downstream, handed back to a stage that asks for it. A
  * loop runs from the asker to the nearest giver downstream. Every frame that enters it leaves one
- * thing behind, in order: the giver's layer, or a mark where it was dropped; so the asker can wait
- * for just the one that it needs.
+ * thing behind, in a slot of its own: the giver's layer, or a mark where it was dropped; so the
+ * asker can wait for just the one that it needs. A frame that is dropped early may leave before
+ * those ahead of it.
  */
 #include "internal.h"
 
@@ -69,23 +70,43 @@ size_t loops_hold(const arris_stage *giver, enum arris_layer layer) {
     return n;
 }
 
+typedef struct awaited {
+    const atomic_ullong *posted;
+    uint64_t number;
+} awaited;
+
+static bool is_posted(const void *what) {
+    const awaited *a = what;
+    return atomic_load(a->posted) == a->number + 1;
+}
+
+/* Waits until a frame has left the loop. False: the pipeline is aborted. */
+static bool await(loop *l, uint64_t number) {
+    awaited a = {&l->slot[number % slots(l)].posted, number};
+    return waiter_wait(&l->waiter, is_posted, &a, &l->asker->pipeline->abort);
+}
+
+/* A frame waits for the one whose slot it will take, in case the asker did not. */
 void loops_enter(arris_stage *s, arris_frame *f) {
     for (uint32_t set = s->inside; set; set &= set - 1) {
         int i = __builtin_ctz(set);
         loop *l = &s->pipeline->loop[i];
-        if (l->asker == s)
-            f->number[i] = l->entered++;
+        if (l->asker != s)
+            continue;
+        if (l->entered >= slots(l))
+            await(l, l->entered - slots(l));
+        f->number[i] = l->entered++;
     }
 }
 
 static void leave(loop *l, arris_frame *f, uint64_t number, bool gone) {
-    pool_item **slot = &l->slot[number % slots(l)];
-    if (*slot)
-        pool_unref(*slot);
-    *slot = gone ? NULL : f->layer[l->layer];
-    if (*slot)
-        pool_ref(*slot);
-    atomic_store(&l->posted, number + 1);
+    pool_item **item = &l->slot[number % slots(l)].item;
+    if (*item)
+        pool_unref(*item);
+    *item = gone ? NULL : f->layer[l->layer];
+    if (*item)
+        pool_ref(*item);
+    atomic_store(&l->slot[number % slots(l)].posted, number + 1);
     waiter_wake(&l->waiter);
 }
 
@@ -115,24 +136,12 @@ bool arris_has_feedback(const arris_stage *s, enum arris_layer layer) {
     return loop_of(s, layer) != NULL;
 }
 
-typedef struct awaited {
-    const loop *loop;
-    uint64_t posted;
-} awaited;
-
-static bool is_posted(const void *what) {
-    const awaited *a = what;
-    return atomic_load(&a->loop->posted) >= a->posted;
-}
-
 const void *arris_feedback(arris_stage *s, enum arris_layer layer) {
     loop *l = loop_of(s, layer);
     uint64_t delay = (uint64_t)s->delay;
     if (!l || l->entered <= delay) /* the present frame has entered already */
         return NULL;
-    awaited a = {l, l->entered - delay};
-    if (!waiter_wait(&l->waiter, is_posted, &a, &s->pipeline->abort))
-        return NULL;
-    const pool_item *item = l->slot[(a.posted - 1) % slots(l)];
+    uint64_t number = l->entered - 1 - delay;
+    const pool_item *item = await(l, number) ? l->slot[number % slots(l)].item : NULL;
     return item ? item->data : NULL;
 }

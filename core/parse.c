@@ -37,7 +37,9 @@ arris_stage *stage_new(arris_pipeline *p, const arris_stage_desc *d, const token
         error_at(err, at, 0, ARRIS_E_RECIPE, NULL, "more than %d stages", MAX_STAGES);
         return NULL;
     }
-    arris_stage *s = calloc(1, sizeof *s);
+    arris_stage *s = aligned_alloc(_Alignof(arris_stage), sizeof *s); /* calloc aligns to 16 */
+    if (s)
+        memset(s, 0, sizeof *s);
     if (!s || !(s->self = calloc(1, d->self_size + 1))) {
         free(s);
         out_of_memory(err);

@@ -123,8 +123,8 @@ static int fakesrc_process(arris_stage *s, void *self, arris_frame *f) {
 }
 
 static const arris_prop fakesrc_table[] = {
-    {"frames", ARRIS_INT, offsetof(fakesrc, frames), "end", 0, INT32_MAX, NULL, "end",
-     "how many frames; end: until the pipeline is stopped"},
+    ARRIS_P_INT_OR(fakesrc, frames, "frames", "end", "end", 0, INT32_MAX, NULL,
+                   "how many frames; end: until the pipeline is stopped"),
 };
 static const arris_stage_desc stage_fakesrc = {
     .size = sizeof(arris_stage_desc),

@@ -28,9 +28,12 @@ void pool_free(pool *p) {
     *p = (pool){0};
 }
 
+/* The only free item may be taken before one who looks comes to it, and another be released where
+ * he has been: so he may have to go round more than once. */
 pool_item *pool_take(pool *p) {
+    enum { ROUNDS = 1000 };
     size_t at = atomic_load_explicit(&p->hint, memory_order_relaxed);
-    for (size_t k = 0; k < p->n; k++) {
+    for (size_t k = 0; k < p->n * ROUNDS; k++) {
         at = at + 1 < p->n ? at + 1 : 0;
         int none = 0;
         if (atomic_compare_exchange_strong_explicit(&p->item[at].refs, &none, 1,

@@ -32,10 +32,10 @@ int arris_fail(arris_stage *s, int code, const char *hint, const char *format, .
         char text[400];
         vsnprintf(text, sizeof text, format, ap);
         error_at(s->pipeline->setup_error, &s->at, 0, code, hint, "%s: %s", s->name, text);
-    } else if (!s->pipeline->setup_error && !s->failed) {
-        s->failed = true;
+    } else if (!s->pipeline->setup_error && !atomic_exchange(&s->failed, true)) {
         int none = 0;
         atomic_compare_exchange_strong(&s->pipeline->result, &none, code);
+        atomic_store(&s->pipeline->stop, 1);
         post(s, ARRIS_ERROR, code, hint, format, ap);
     }
     va_end(ap);
@@ -97,14 +97,14 @@ static void end_branch(arris_stage *s, arris_frame *f) {
 static int call(arris_stage *s, arris_frame *f) {
     const arris_stage_desc *d = s->desc;
     if (f->last)
-        return d->finish ? d->finish(s, s->self, f) : 0;
+        return d->finish && !is_set(&s->pipeline->abort) ? d->finish(s, s->self, f) : 0;
     return s->failed ? ARRIS_DROP : d->process(s, s->self, f);
 }
 
 /* Calls a stage and books its time since *from. An error ends the stream. */
 static int work(arris_stage *s, arris_frame *f, uint64_t *from) {
     arris_pipeline *p = s->pipeline;
-    atomic_store_explicit(&s->frame, (long long)f->seq, memory_order_relaxed);
+    atomic_store_explicit(&s->frame, f->last ? -1 : (long long)f->seq, memory_order_relaxed);
     bool looped = s->inside && !f->last;
     if (looped)
         loops_enter(s, f);
@@ -118,10 +118,8 @@ static int work(arris_stage *s, arris_frame *f, uint64_t *from) {
     if (p->trace)
         trace_event(p, s, f->seq, *from, to);
     *from = to;
-    if (rc < 0) {
+    if (rc < 0)
         arris_fail(s, rc, NULL, "%s", arris_strerror(rc));
-        atomic_store(&p->stop, 1);
-    }
     return f->last ? 0 : rc;
 }
 
@@ -143,7 +141,8 @@ static void enqueue(arris_stage *q, arris_frame *f) {
                 drop(q, oldest);
         }
     }
-    if ((fill = ring_count(&q->ring)) > atomic_load_explicit(&q->fill, memory_order_relaxed))
+    fill = ring_count(&q->ring);
+    if (fill <= limit && fill > atomic_load_explicit(&q->fill, memory_order_relaxed))
         atomic_store_explicit(&q->fill, fill, memory_order_relaxed);
 }
 
