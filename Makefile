@@ -25,7 +25,7 @@ ldflags  = $(san) $(LDFLAGS)
 core_src   := $(sort $(wildcard core/*.c))
 cli_src    := core/cli/main.c core/cli/launch.c core/cli/stages.c
 common_src := $(sort $(wildcard plugins/common/*.c))
-plugins    := $(sort $(patsubst plugins/%/plugin.c,%,$(wildcard plugins/*/plugin.c)))
+plugins    := $(filter-out common,$(notdir $(patsubst %/,%,$(sort $(wildcard plugins/*/)))))
 headers    := core/arris.h core/arris_plugin.h core/arris_geometry.h core/arris_types.h
 
 .PHONY: all demo test check bench lint format install uninstall clean setup-% \

@@ -158,6 +158,10 @@ bool arris_has(const arris_stage *s, enum arris_layer layer);
  * give that layer. */
 int arris_reserve(arris_stage *s, enum arris_layer layer, size_t n, size_t m);
 
+/* In setup: how many items a layer that reaches this stage holds at most, as its giver reserved it;
+ * the second number goes to *m unless that is NULL. 0 when it does not reach the stage. */
+size_t arris_capacity(const arris_stage *s, enum arris_layer layer, size_t *m);
+
 /* In setup, of a source: its frames come when the world makes them. A live source runs in a lane of
  * its own before a queue that drops the oldest frame rather than wait. */
 void arris_set_live(arris_stage *s, bool live);

@@ -107,26 +107,25 @@ static bool inside_fold(const arris_camera *c, double x, double y) {
 }
 
 int arris_undistort(const arris_camera *c, double u, double v, double *ideal_u, double *ideal_v) {
-    double target[2], x, y, d[2], J[3], det;
+    double target[2], x, y, d[2], J[3], beyond[3];
     normalise(c, u, v, &target[0], &target[1]);
     x = target[0], y = target[1];
     for (int i = 0; i < 60 && !inside_fold(c, x, y); i++)
         x /= 2, y /= 2;
     bool converged = false;
     for (int i = 0; i < 50 && !converged; i++) {
-        det = lens(c, x, y, d, J);
-        double ex = target[0] - d[0], ey = target[1] - d[1];
-        double sx = (J[2] * ex - J[1] * ey) / det, sy = (J[0] * ey - J[1] * ex) / det;
-        double step = 1; /* halved until it stays this side of the fold */
-        while (step > 1e-6 && !inside_fold(c, x + step * sx, y + step * sy))
-            step /= 2;
-        if (step <= 1e-6)
+        double det = lens(c, x, y, d, J), ex = target[0] - d[0], ey = target[1] - d[1];
+        if (!(det > 0))
             break;
-        x += step * sx, y += step * sy;
+        double sx = (J[2] * ex - J[1] * ey) / det, sy = (J[0] * ey - J[1] * ex) / det;
         converged = hypot(c->fx * sx, c->fy * sy) < 1e-10;
+        double step = 1; /* halved until it doesn't end in the fold */
+        while (step > 1e-3 && !(lens(c, x + step * sx, y + step * sy, d, beyond) > 0))
+            step /= 2;
+        x += step * sx, y += step * sy;
     }
     to_pixel(c, x, y, ideal_u, ideal_v);
-    return converged ? 0 : ARRIS_E_INPUT;
+    return converged && inside_fold(c, x, y) ? 0 : ARRIS_E_INPUT;
 }
 
 /* ---- rotation and pose ---------------------------------------------------------------------- */

@@ -71,6 +71,18 @@ int arris_reserve(arris_stage *s, enum arris_layer layer, size_t n, size_t m) {
     return 0;
 }
 
+size_t arris_capacity(const arris_stage *s, enum arris_layer layer, size_t *m) {
+    while (arris_has(s, layer)) {
+        s = s->in;
+        if (!(s->layers.gives & ARRIS_BIT(layer)))
+            continue;
+        if (m)
+            *m = s->pools[layer].m;
+        return s->pools[layer].n;
+    }
+    return 0;
+}
+
 bool arris_has(const arris_stage *s, enum arris_layer layer) {
     return layer < ARRIS_MAX_LAYERS && (s->have & ARRIS_BIT(layer));
 }

@@ -97,6 +97,11 @@ static void undistort_refuses_beyond_the_fold(void **state) {
     double rd = fold * (1 + c.k1 * fold * fold + c.k2 * pow(fold, 4)), x, y;
     assert_int_equal(arris_undistort(&c, 320 + 300 * rd * 0.999, 240, &x, &y), 0);
     assert_true((x - 320) / 300 < fold);
+    for (double r = 0; r < 0.9999 * fold; r += fold / 2000) {
+        double u = 320 + 300 * r * (1 + c.k1 * r * r + c.k2 * pow(r, 4));
+        assert_int_equal(arris_undistort(&c, u, 240, &x, &y), 0);
+        NEAR(x, 320 + 300 * r, 1e-6);
+    }
     assert_int_equal(arris_undistort(&c, 320 + 300 * rd * 1.001, 240, &x, &y), ARRIS_E_INPUT);
     assert_true(isfinite(x) && isfinite(y));
     assert_int_equal(arris_undistort(&c, 320 + 300 * rd * 4, 240, &x, &y), ARRIS_E_INPUT);

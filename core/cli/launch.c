@@ -58,7 +58,8 @@ static int parse_options(int argc, char **argv, options *o) {
         case 'v':
             o->verbose = true;
             break;
-        default:
+        default: /* getopt has said what is wrong */
+            fputs("  see `arris --help`\n", stderr);
             return 2;
         }
     }
@@ -72,7 +73,7 @@ static int write_dot(const arris_pipeline *p, const char *path) {
     FILE *f = strcmp(path, "-") == 0 ? stdout : fopen(path, "w");
     if (f)
         arris_print_dot(p, f);
-    if (!f || fflush(f) || (f != stdout && fclose(f))) {
+    if (!f || (f != stdout && fclose(f))) {
         fprintf(stderr, "arris: cannot write the graph '%s': %s\n", path, strerror(errno));
         return arris_exit_code(ARRIS_E_IO);
     }
@@ -148,6 +149,7 @@ static int check_and_run(arris_pipeline *p, const options *o) {
 int cli_launch(int argc, char **argv) {
     options o = {0};
     arris_error err;
+    argv[0] = (char[]){"arris launch"}; /* as getopt's messages begin */
     int rc = parse_options(argc, argv, &o);
     if (rc)
         return rc;

@@ -2,6 +2,7 @@
  *
  * main.c: the `arris` program: finds the subcommand.
  */
+#include <errno.h>
 #include <string.h>
 
 #include "cli.h"
@@ -39,7 +40,7 @@ int cli_error(const arris_error *err) {
     return arris_exit_code(err->code);
 }
 
-int main(int argc, char **argv) {
+static int run(int argc, char **argv) {
     const char *command = argc > 1 ? argv[1] : "";
     if (strcmp(command, "launch") == 0)
         return cli_launch(argc - 1, argv + 1);
@@ -58,4 +59,12 @@ int main(int argc, char **argv) {
     else
         fputs(help, stderr);
     return 2;
+}
+
+int main(int argc, char **argv) {
+    int rc = run(argc, argv);
+    if (fflush(stdout) == 0 && !ferror(stdout))
+        return rc;
+    fprintf(stderr, "arris: cannot write to the standard output: %s\n", strerror(errno));
+    return rc ? rc : arris_exit_code(ARRIS_E_IO);
 }
