@@ -1,0 +1,286 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * line.c: the running estimate of one 3D line (line.h).
+ */
+#include "line.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double GATE = 14;      /* chi-square of 2 degrees of freedom: one in a thousand */
+static const double FAR = 3;        /* px: a segment so far off is another edge's */
+static const double MOVED = 0.25;   /* squared sigmas after which all is linearised anew */
+static const double STANDS = 1e-6;  /* a step of fewer squared sigmas is the last one */
+static const double SWING = 0.02;   /* rad: seen from a narrower angle, it is not observable */
+static const double ALONG = 0.0175; /* nor when it moves within a degree of itself */
+static const double PARALLAX = 0.1; /* nor with a sigma above this share of its distance */
+static const double PRIOR_DOF = 10; /* weight of the scene's scale against the line's own */
+enum { ITERATIONS = 10 };
+
+void line_begin(line *l, int32_t id) {
+    memset(l, 0, offsetof(line, kept));
+    l->id = id;
+    l->stride = 1;
+    l->next_fit = 2;
+}
+
+/* ---- information ---------------------------------------------------------------------------- */
+
+/* Adds a view that was linearised about x: J (x' - x) + r = 0, weighted by its covariance. */
+static void info_add(info *in, const linear *l, const double x[4]) {
+    double det = l->cov[0] * l->cov[2] - l->cov[1] * l->cov[1];
+    double w0 = l->cov[2] / det, w1 = -l->cov[1] / det, w2 = l->cov[0] / det;
+    double y[2], WJ[2][4];
+    for (int k = 0; k < 2; k++) {
+        y[k] = -l->r[k];
+        for (int i = 0; i < 4; i++)
+            y[k] += l->J[k][i] * x[i];
+        in->squares += l->r[k] * l->r[k];
+    }
+    for (int i = 0; i < 4; i++) {
+        WJ[0][i] = w0 * l->J[0][i] + w1 * l->J[1][i];
+        WJ[1][i] = w1 * l->J[0][i] + w2 * l->J[1][i];
+        in->g[i] += WJ[0][i] * y[0] + WJ[1][i] * y[1];
+    }
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            in->H.m[i][j] += l->J[0][i] * WJ[0][j] + l->J[1][i] * WJ[1][j];
+    in->c += w0 * y[0] * y[0] + 2 * w1 * y[0] * y[1] + w2 * y[1] * y[1];
+    in->n++;
+}
+
+double line_chi2(const line *l) {
+    double chi2 = l->all.c + mat4_form(&l->all.H, l->x, l->x);
+    for (int i = 0; i < 4; i++)
+        chi2 -= 2 * l->all.g[i] * l->x[i];
+    return fmax(chi2, 0);
+}
+
+/* Sets l->scale from the residuals; the scene's own counts as a few views. */
+static void update_scale(line *l, const scene *s) {
+    double dof = fmax(2.0 * l->all.n - 4, 0);
+    l->scale = fmax((line_chi2(l) + PRIOR_DOF * s->scale) / (dof + PRIOR_DOF), 1);
+}
+
+/* The inverse of H / scale + 1 / prior². */
+static mat4 covariance(const line *l, double scale, double prior) {
+    mat4 A = l->all.H, P = {{{0}}};
+    for (int i = 0; i < 4; i++) {
+        for (int j = 0; j < 4; j++)
+            A.m[i][j] /= scale;
+        A.m[i][i] += 1 / (prior * prior);
+    }
+    if (!mat4_invert(&A, &P)) /* by rounding only: then let nothing be known */
+        for (int i = 0; i < 4; i++)
+            P.m[i][i] = prior * prior;
+    return P;
+}
+
+mat4 line_covariance(const line *l, const scene *s, const double place[2]) {
+    mat4 P = covariance(l, l->scale * s->memory, l->depth), out = {{{0}}};
+    double w[2][2] = {{(1 - place[0]) / 2, (1 + place[0]) / 2},
+                      {(1 - place[1]) / 2, (1 + place[1]) / 2}};
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            for (int k = 0; k < 2; k++)
+                for (int n = 0; n < 2; n++)
+                    out.m[i][j] += w[i / 2][k] * w[j / 2][n] * P.m[2 * k + i % 2][2 * n + j % 2];
+    return out;
+}
+
+/* One step to the least squares; returns its squared length in sigmas. */
+static double step(line *l, const scene *s) {
+    double Hx[4], rest[4], d[4];
+    l->cov = covariance(l, 1, l->prior);
+    mat4_times(&l->all.H, l->x, Hx);
+    for (int i = 0; i < 4; i++)
+        rest[i] = l->all.g[i] - Hx[i] - l->x[i] / (l->prior * l->prior);
+    mat4_times(&l->cov, rest, d);
+    for (int i = 0; i < 4; i++)
+        l->x[i] += d[i];
+    update_scale(l, s);
+    return mat4_form(&l->all.H, d, d);
+}
+
+/* ---- geometry ------------------------------------------------------------------------------- */
+
+static double distance(const double a[3], const double b[3]) {
+    double d[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+    return sqrt(arris_dot(d, d));
+}
+
+/* Notes that the line was seen from C. */
+static void widen(line *l, const double C[3]) {
+    double P[3];
+    frame_point(&l->f, l->x, 0, P);
+    for (int i = 0; i < 3; i++)
+        P[i] -= C[i];
+    double angle = atan2(arris_dot(P, l->f.b), arris_dot(P, l->f.a));
+    l->swing[0] = fmin(l->swing[0], angle);
+    l->swing[1] = fmax(l->swing[1], angle);
+    double d = line_baseline(l), from_first = distance(C, l->first), to_last = distance(C, l->last);
+    if (from_first > d && from_first >= to_last)
+        memcpy(l->last, C, sizeof l->last);
+    else if (to_last > d)
+        memcpy(l->first, C, sizeof l->first);
+}
+
+static void measure_motion(line *l) {
+    bool any = false;
+    for (uint32_t i = 0; i < l->n_kept; i++) {
+        if (!l->inlier[i])
+            continue;
+        if (!any) {
+            memcpy(l->first, l->kept[i].C, sizeof l->first);
+            memcpy(l->last, l->kept[i].C, sizeof l->last);
+            l->swing[0] = (double)INFINITY, l->swing[1] = -(double)INFINITY;
+            any = true;
+        }
+        widen(l, l->kept[i].C);
+    }
+}
+
+double line_baseline(const line *l) {
+    return distance(l->first, l->last);
+}
+
+bool line_observable(const line *l) {
+    double swing = l->swing[1] - l->swing[0], worst = 0;
+    for (int i = 0; i < 4; i++)
+        worst = fmax(worst, l->cov.m[i][i] * l->scale);
+    return l->all.n >= 2 && swing > SWING && swing * l->depth > ALONG * line_baseline(l) &&
+           worst < PARALLAX * PARALLAX * l->depth * l->depth;
+}
+
+/* ---- fitting -------------------------------------------------------------------------------- */
+
+/* Whether a view, linear about the estimate, agrees with it; `P` as for linear_distance. */
+static bool agrees(const line *l, linear *r, const mat4 *P) {
+    r->distance = linear_distance(r, P);
+    return r->distance < GATE * l->scale && fabs(r->r[0]) < FAR && fabs(r->r[1]) < FAR;
+}
+
+/* Sums past and kept views, linearised about l->x. */
+static void gather(line *l, const scene *s) {
+    linear r;
+    l->all = l->past;
+    for (uint32_t i = 0; i < l->n_kept; i++) {
+        l->inlier[i] =
+            view_linearise(&l->kept[i], &l->f, l->x, &s->noise, &r) && agrees(l, &r, NULL);
+        if (!l->inlier[i])
+            continue;
+        info_add(&l->all, &r, l->x);
+        l->depth = r.depth;
+    }
+    memcpy(l->at, l->x, sizeof l->at);
+}
+
+void line_refine(line *l, const scene *s) {
+    double moved = 1;
+    if (l->past.n == 0)
+        line_reframe(l);
+    for (int i = 0; i < ITERATIONS && moved > STANDS; i++) {
+        gather(l, s);
+        moved = step(l, s);
+    }
+    measure_motion(l);
+}
+
+/* Refines the estimate from l->f on; a second time because the first start may be far off. */
+static void fit_from_start(line *l, const scene *s) {
+    memset(&l->past, 0, sizeof l->past);
+    memset(l->x, 0, sizeof l->x);
+    l->ends[0] = -1, l->ends[1] = 1;
+    line_refine(l, s);
+    line_trim(l);
+    line_refine(l, s);
+    line_trim(l);
+}
+
+void line_fit(line *l, const scene *s) {
+    bool found = line_start(l, s);
+    if (found)
+        fit_from_start(l, s);
+    l->settled = found && line_observable(l) && 2 * l->all.n > l->n_kept;
+    if (!found || !line_observable(l)) {
+        line_guess(l, s);
+        fit_from_start(l, s);
+    }
+    l->rejected = 0;
+    l->next_fit = l->seen + 1 + l->seen / 4;
+}
+
+/* Drops every second kept view. */
+static void thin(line *l, const scene *s) {
+    linear r;
+    for (uint32_t i = 1; l->settled && i < l->n_kept; i += 2)
+        if (l->inlier[i] && view_linearise(&l->kept[i], &l->f, l->x, &s->noise, &r))
+            info_add(&l->past, &r, l->x);
+    l->n_kept = (l->n_kept + 1) / 2;
+    for (uint32_t i = 1; i < l->n_kept; i++) {
+        l->kept[i] = l->kept[2 * i];
+        l->inlier[i] = l->inlier[2 * i];
+    }
+    l->stride *= 2;
+}
+
+/* Keeps the view when its turn is; its place among the kept, or -1. */
+static int keep(line *l, const view *v, const scene *s) {
+    if (l->seen++ % l->stride != 0)
+        return -1;
+    if (l->n_kept == LINE_KEPT)
+        thin(l, s);
+    l->inlier[l->n_kept] = false;
+    l->kept[l->n_kept] = *v;
+    return (int)l->n_kept++;
+}
+
+/* Adds a view to a settled line. */
+static bool update(line *l, const view *v, int kept, const scene *s, linear *r) {
+    if (!view_linearise(v, &l->f, l->x, &s->noise, r) || !agrees(l, r, &l->cov)) {
+        l->rejected++;
+        l->settled = 2 * l->rejected < l->seen;
+        return false;
+    }
+    info_add(&l->all, r, l->x);
+    if (kept >= 0)
+        l->inlier[kept] = true;
+    else
+        info_add(&l->past, r, l->x);
+    l->depth = r->depth;
+    step(l, s);
+    widen(l, v->C);
+    double d[4];
+    for (int i = 0; i < 4; i++)
+        d[i] = l->x[i] - l->at[i];
+    if (mat4_form(&l->all.H, d, d) > MOVED * l->scale)
+        line_refine(l, s);
+    return true;
+}
+
+bool line_add(line *l, const view *v, const scene *s, linear *r) {
+    int kept = keep(l, v, s);
+    bool taken = l->settled && update(l, v, kept, s, r);
+    if (!l->settled && l->seen >= l->next_fit)
+        line_fit(l, s);
+    if (l->settled && l->seen >= l->next_trim)
+        line_trim(l);
+    return taken;
+}
+
+void line_complete(line *l, const scene *s) {
+    if (l->settled) {
+        line_refine(l, s);
+        line_trim(l);
+    } else if (l->n_kept > 0) {
+        line_fit(l, s);
+    }
+}
+
+void line_absorb(line *a, const line *b, const scene *s) {
+    linear r;
+    for (uint32_t i = 0; i < b->n_kept; i++)
+        line_add(a, &b->kept[i], s, &r);
+    line_complete(a, s);
+}

@@ -1,0 +1,117 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * line.h: the running estimate of one 3D line from the views of it. No dependency on the runtime.
+ *
+ * The estimate is the weighted least squares of the distances in the picture, by Gauss-Newton on
+ * four parameters. Every view adds to a 4x4 information matrix, so it costs the same at view 10 and
+ * at view 10,000. A sample of at most LINE_KEPT views, spread over the whole past, is kept: when
+ * the estimate moved by more than half a sigma, these are linearised anew; so is the start found,
+ * by least median of squares, as the thesis wished for: up to half of the views may be of something
+ * else. After that a view takes part when its chi-square is below a gate.
+ */
+#ifndef LINE_H
+#define LINE_H
+
+#include "view.h"
+
+enum { LINE_KEPT = 64 };
+
+/* What all lines of a scan share. */
+typedef struct scene {
+    pose_noise noise; /* of the poses */
+    double scale;     /* variance of the residuals over the stated one; 1: as stated */
+    double memory;    /* views that count as one, because their noise is correlated; at least 1 */
+    double depth;     /* mm; where a line is looked for as long as nothing is known of its own */
+} scene;
+
+/* The sum of what views say: chi-square(x) = c - 2 g x + x H x. */
+typedef struct info {
+    mat4 H;
+    double g[4], c;
+    double squares; /* of the distances at the segments' ends, px² */
+    uint32_t n;     /* views */
+} info;
+
+typedef struct line {
+    int32_t id;
+    bool settled;    /* the estimate is good enough to be updated view by view */
+    frame f;         /* reference of x; fixed once there is information in `past` */
+    double x[4];     /* the estimate, mm */
+    double depth;    /* of the line in the last view, mm */
+    double prior;    /* mm; sigma of x before any view */
+    double scale;    /* variance of the residuals over the stated one; at least 1 */
+    double ends[2];  /* as places */
+    double pixel[2]; /* mm that a pixel measures along it at its ends */
+
+    info all;     /* of all views that take part */
+    info past;    /* of those of them that are not kept */
+    double at[4]; /* the estimate that the kept views were linearised about */
+    mat4 cov;     /* of x, by the stated variances */
+
+    uint32_t seen, rejected;      /* views offered; views that failed the gate since it settled */
+    uint32_t next_fit, next_trim; /* when `seen` is this */
+    double first[3], last[3];     /* the outermost camera centres */
+    double swing[2];              /* range of the angle about the line that it was seen from, rad */
+
+    uint32_t n_kept, stride; /* every stride-th view is kept */
+    bool inlier[LINE_KEPT];
+    view kept[LINE_KEPT];
+} line;
+
+/* Begins a line that no view has been added to. */
+void line_begin(line *l, int32_t id);
+
+/* Adds a view. True when the line is settled and the view takes part; then *r is the view, linear
+ * about the estimate before it, with its distance. */
+bool line_add(line *l, const view *v, const scene *s, linear *r);
+
+/* Fits the line to the kept views from scratch. */
+void line_fit(line *l, const scene *s);
+
+/* Repeats Gauss-Newton on all kept views until it stands. */
+void line_refine(line *l, const scene *s);
+
+/* Finds the ends: the line reaches as far as a good part of the views saw it that could. */
+void line_trim(line *l);
+
+/* The best estimate that the views give, and its ends. */
+void line_complete(line *l, const scene *s);
+
+/* Whether the motion tells where the line is: false when it was seen from too narrow an angle, when
+ * the camera moved along it, or when its parallax is not well above the noise. */
+bool line_observable(const line *l);
+
+/* The covariance across the line at two places: of the offsets along f.a and f.b at place[0], then
+ * at place[1], mm². It has the residuals' true size and correlation in it, and is finite also for a
+ * line that is not observable, which is somewhere within its own distance. */
+mat4 line_covariance(const line *l, const scene *s, const double place[2]);
+
+/* The sum of the squared residuals over their stated variances; 2 n - 4 when those are true. */
+double line_chi2(const line *l);
+
+/* mm between the outermost camera centres. */
+double line_baseline(const line *l);
+
+/* Whether two lines, both settled or both not, are the same edge: of the same polarity, overlapping
+ * or nearly, and, by the Mahalanobis distance of their four parameters, in the same place. */
+bool line_same(const line *a, const line *b, const scene *s);
+
+/* Two lines' kept views become one line's, a's. */
+void line_absorb(line *a, const line *b, const scene *s);
+
+/* Writes what is known of the line, all but id, change and into. It is measured when its sigma
+ * across itself is below `limit` (mm; a negative one is the share of its distance) at both ends.
+ * False when there is nothing to say: the line was looked along, and its ends may be anywhere. */
+bool line_report(const line *l, const scene *s, double limit, arris_line *out);
+
+/* A first estimate of l->f and l->scale from the kept views: the pair of planes whose intersection
+ * has the least median distance. False when all planes coincide. */
+bool line_start(line *l, const scene *s);
+
+/* The same where that finds nothing: on the ray of a view, held at the distance of other lines. */
+void line_guess(line *l, const scene *s);
+
+/* Moves l->f onto the estimate, from end to end, so that x = 0. What the views said is void. */
+void line_reframe(line *l);
+
+#endif

@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * report.c: what is told of a line: its ends, their covariance, its state.
+ */
+#include <math.h>
+
+#include "line.h"
+
+static const double END = 1.5;     /* px: end points scatter by 0.6 to 2.3 px along the line */
+static const double GRAZING = 25;  /* a line looked along at 2.3° is foreshortened by so much */
+static const double LIMIT = 0.003; /* of its distance */
+
+/* The greatest sigma across the line, of the offsets i and i + 1. */
+static double across(const mat4 *P, int i) {
+    double mean = (P->m[i][i] + P->m[i + 1][i + 1]) / 2;
+    double half = (P->m[i][i] - P->m[i + 1][i + 1]) / 2;
+    return sqrt(mean + hypot(half, P->m[i][i + 1]));
+}
+
+/* Whether the ends are where one can say that they are: not so when the line was looked along. */
+static bool has_ends(const line *l, const arris_line *o) {
+    double pixel = l->depth * sqrt(arris_dot(l->kept[0].step, l->kept[0].step)), sum = 0;
+    for (int i = 0; i < 3; i++)
+        sum += o->p[i] + o->q[i];
+    for (int i = 0; i < 21; i++)
+        sum += o->cov[i];
+    return isfinite(sum) && l->pixel[0] < GRAZING * pixel && l->pixel[1] < GRAZING * pixel;
+}
+
+static enum arris_line_state state(const line *l, const mat4 *P, double limit) {
+    double allowed = limit < 0 ? LIMIT * l->depth : limit;
+    if (!l->settled || !line_observable(l))
+        return ARRIS_UNOBSERVABLE;
+    return across(P, 0) < allowed && across(P, 2) < allowed ? ARRIS_MEASURED : ARRIS_WEAK;
+}
+
+/* The covariance of (p, q): P across the line, END along it. */
+static void spread(const line *l, const mat4 *P, const double u[3], double cov[21]) {
+    for (int i = 0, n = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, n++) {
+            const double *bi[2] = {l->f.a, l->f.b};
+            double end = i / 3 == j / 3 ? END * l->pixel[i / 3] : 0;
+            cov[n] = end * end * u[i % 3] * u[j % 3];
+            for (int k = 0; k < 2; k++)
+                for (int m = 0; m < 2; m++)
+                    cov[n] += bi[k][i % 3] * P->m[i / 3 * 2 + k][j / 3 * 2 + m] * bi[m][j % 3];
+        }
+}
+
+bool line_report(const line *l, const scene *s, double limit, arris_line *out) {
+    double u[3];
+    mat4 P = line_covariance(l, s, l->ends);
+    frame_point(&l->f, l->x, l->ends[0], out->p);
+    frame_point(&l->f, l->x, l->ends[1], out->q);
+    for (int i = 0; i < 3; i++)
+        u[i] = out->q[i] - out->p[i];
+    arris_unit(u);
+    spread(l, &P, u, out->cov);
+    out->state = state(l, &P, limit);
+    out->views = l->settled ? l->all.n : l->all.n * l->stride; /* unsettled: of those kept */
+    out->baseline = line_baseline(l);
+    out->rms = l->all.n ? sqrt(l->all.squares / (2.0 * l->all.n)) : 0;
+    return has_ends(l, out);
+}

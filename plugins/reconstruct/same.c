@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * same.c: whether two lines are one edge, seen as two because its track broke.
+ */
+#include <math.h>
+
+#include "line.h"
+
+static const double GATE = 18.5;      /* chi-square of 4 degrees of freedom: one in a thousand */
+static const double GAP = 5;          /* px that may lie between the two */
+static const double INDISTINCT = 0.2; /* px: nearer than this, edges are not told apart */
+
+/* The place on l of the point P, and its offsets along l's a and b. */
+static double place_of(const line *l, const double P[3], double offset[2]) {
+    double A[3], B[3], u[3], d[3];
+    frame_point(&l->f, l->x, -1, A);
+    frame_point(&l->f, l->x, 1, B);
+    for (int i = 0; i < 3; i++)
+        u[i] = B[i] - A[i], d[i] = P[i] - A[i];
+    double length = arris_unit(u), along = arris_dot(u, d);
+    for (int i = 0; i < 3; i++)
+        d[i] -= along * u[i];
+    offset[0] = arris_dot(d, l->f.a);
+    offset[1] = arris_dot(d, l->f.b);
+    return 2 * along / length - 1;
+}
+
+/* Adds to A the covariance P of offsets along from->a, from->b, turned to those along to->a, to->b.
+ */
+static void add_turned(mat4 *A, const mat4 *P, const frame *from, const frame *to) {
+    double T[2][2] = {{arris_dot(to->a, from->a), arris_dot(to->a, from->b)},
+                      {arris_dot(to->b, from->a), arris_dot(to->b, from->b)}};
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            for (int k = 0; k < 2; k++)
+                for (int n = 0; n < 2; n++)
+                    A->m[i][j] += T[i % 2][k] * T[j % 2][n] * P->m[i / 2 * 2 + k][j / 2 * 2 + n];
+}
+
+bool line_same(const line *a, const line *b, const scene *s) {
+    double place[2], offset[4];
+    for (int i = 0; i < 2; i++) {
+        double P[3];
+        frame_point(&b->f, b->x, b->ends[i], P);
+        place[i] = place_of(a, P, offset + 2 * i);
+    }
+    double gap[2] = {GAP * a->pixel[0] / a->f.h, GAP * a->pixel[1] / a->f.h};
+    if (place[1] <= place[0] || place[0] > a->ends[1] + gap[1] || place[1] < a->ends[0] - gap[0])
+        return false;
+    mat4 S = line_covariance(a, s, place), P = line_covariance(b, s, b->ends), inverse;
+    double least = INDISTINCT * fmin(a->pixel[0], a->pixel[1]);
+    add_turned(&S, &P, &b->f, &a->f);
+    for (int i = 0; i < 4; i++)
+        S.m[i][i] += least * least;
+    return mat4_invert(&S, &inverse) && mat4_form(&inverse, offset, offset) < GATE;
+}

@@ -1,0 +1,314 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * scan.c: the lines of a scan (scan.h).
+ */
+#include "scan.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "line.h"
+#include "noise.h"
+
+typedef struct entry {
+    line l;
+    arris_line out;
+    bool tracked; /* by a track that is alive */
+    bool changed; /* got a view in this frame */
+    bool listed;  /* told of */
+    bool leaving; /* merged or retired; gone with the next frame */
+    uint32_t next_merge;
+    double residual; /* of this frame's view; 0: none */
+    double before;   /* of the frame before */
+    double told[6];  /* the ends when they were last said to have moved */
+} entry;
+
+typedef struct link {
+    int32_t track;
+    entry *e; /* NULL: the place is free */
+} link;
+
+struct scan {
+    scan_params p;
+    scene scene;
+    noise noise;
+    entry *pool, **alive; /* n in the order they came, then the free ones */
+    uint32_t n, lost, frames;
+    uint32_t linked;    /* tracks of this frame */
+    link *now, *before; /* hashed by track: of this frame and of the one before */
+    uint32_t mask;
+};
+
+enum { ESTABLISHED = 10 }; /* views after which a line's residuals tell of the noise */
+static const double TYPICAL_DEPTH = 1000; /* mm, until a line is measured */
+
+scan *scan_new(const scan_params *p) {
+    scan *s = calloc(1, sizeof *s);
+    if (!s)
+        return NULL;
+    size_t n = (size_t)p->max_lines, places = 4;
+    while (places < 2 * n)
+        places *= 2;
+    s->p = *p;
+    s->mask = (uint32_t)places - 1;
+    s->scene = (scene){{p->pose_sigma, p->rot_sigma}, 1, 1, TYPICAL_DEPTH};
+    s->pool = calloc(n, sizeof *s->pool);
+    s->alive = calloc(n, sizeof(entry *));
+    s->now = calloc(places, sizeof(link));
+    s->before = calloc(places, sizeof(link));
+    if (!s->pool || !s->alive || !s->now || !s->before) {
+        scan_free(s);
+        return NULL;
+    }
+    for (size_t i = 0; i < n; i++)
+        s->alive[i] = &s->pool[i];
+    return s;
+}
+
+void scan_free(scan *s) {
+    if (!s)
+        return;
+    free(s->pool);
+    free(s->alive);
+    free(s->now);
+    free(s->before);
+    free(s);
+}
+
+/* ---- tracks --------------------------------------------------------------------------------- */
+
+/* The link of the track, or the free place where it would stand. There are more places than lines.
+ */
+static link *find(const scan *s, link *table, int32_t track) {
+    uint32_t i = (uint32_t)track * 2654435769u & s->mask;
+    while (table[i].e && table[i].track != track)
+        i = (i + 1) & s->mask;
+    return &table[i];
+}
+
+static entry *begin(scan *s, int32_t track) {
+    if (s->n == (uint32_t)s->p.max_lines) {
+        s->lost++;
+        return NULL;
+    }
+    entry *e = s->alive[s->n++];
+    memset(&e->out, 0, sizeof *e - offsetof(entry, out));
+    line_begin(&e->l, track);
+    e->out.id = track;
+    e->out.into = -1;
+    e->next_merge = (uint32_t)s->p.min_views;
+    return e;
+}
+
+void scan_add(scan *s, int32_t track, const view *v) {
+    entry *e = find(s, s->before, track)->e;
+    if (s->linked > s->mask / 2) {
+        s->lost++;
+        return;
+    }
+    if (!e && v)
+        e = begin(s, track);
+    if (!e)
+        return;
+    *find(s, s->now, track) = (link){track, e};
+    s->linked++;
+    e->tracked = true;
+    linear r;
+    if (v && line_add(&e->l, v, &s->scene, &r) && e->l.all.n > ESTABLISHED)
+        e->residual = noise_add(&s->noise, v, &r, e->before);
+    e->changed |= v != NULL;
+}
+
+/* ---- one line per edge ---------------------------------------------------------------------- */
+
+/* The tracks of `from` go on as those of `to`. */
+static void relink(scan *s, const entry *from, entry *to) {
+    for (uint32_t i = 0; i <= s->mask; i++)
+        if (s->now[i].e == from)
+            s->now[i].e = to;
+}
+
+static void leave(entry *e, enum arris_line_change why, int32_t into) {
+    e->leaving = true;
+    e->out.change = why;
+    e->out.into = into;
+}
+
+static void merge(scan *s, entry *a, entry *b) {
+    line_absorb(&a->l, &b->l, &s->scene);
+    a->tracked |= b->tracked;
+    a->changed = true;
+    relink(s, b, a);
+    leave(b, ARRIS_MERGED, a->out.id);
+}
+
+/* Merges the line with each that is the same edge, into the older one. */
+static void merge_with_others(scan *s, uint32_t index) {
+    entry *e = s->alive[index];
+    e->next_merge = e->l.seen + 1 + e->l.seen / 4;
+    for (uint32_t i = 0; i < s->n && !e->leaving; i++) {
+        entry *o = s->alive[i];
+        if (i == index || o->leaving || !o->listed || o->l.settled != e->l.settled ||
+            !line_same(&o->l, &e->l, &s->scene))
+            continue;
+        merge(s, i < index ? o : e, i < index ? e : o);
+    }
+}
+
+static void merge_all(scan *s) {
+    for (uint32_t i = 0; i < s->n; i++) {
+        const entry *e = s->alive[i];
+        if (!e->leaving && e->listed && e->changed && e->l.seen >= e->next_merge)
+            merge_with_others(s, i);
+    }
+}
+
+/* ---- what is told --------------------------------------------------------------------------- */
+
+/* Whether an end went by more than half its sigma from where it was told to be. */
+static bool moved(const entry *e) {
+    static const int diagonal[6] = {0, 6, 11, 15, 18, 20};
+    double shift[2] = {0, 0}, variance[2] = {0, 0};
+    for (int i = 0; i < 6; i++) {
+        double d = (i < 3 ? e->out.p[i] : e->out.q[i - 3]) - e->told[i];
+        shift[i / 3] += d * d;
+        variance[i / 3] += e->out.cov[diagonal[i]];
+    }
+    return shift[0] > variance[0] / 4 || shift[1] > variance[1] / 4;
+}
+
+static void tell(scan *s, entry *e) {
+    arris_line out = e->out;
+    if (e->l.all.n < (uint32_t)s->p.min_views)
+        return;
+    if (!line_report(&e->l, &s->scene, s->p.limit, &out)) {
+        out = e->out; /* as far as it was told before */
+        out.state = ARRIS_UNOBSERVABLE;
+        if (!e->listed)
+            return;
+    }
+    if (out.views > s->frames)
+        out.views = s->frames;
+    bool other = out.state != e->out.state;
+    e->out = out;
+    e->out.change = !e->listed ? ARRIS_ADDED : other || moved(e) ? ARRIS_MOVED : ARRIS_SAME;
+    e->listed = true;
+    if (e->out.change == ARRIS_SAME)
+        return;
+    memcpy(e->told, out.p, sizeof out.p);
+    memcpy(e->told + 3, out.q, sizeof out.q);
+}
+
+/* ---- frames --------------------------------------------------------------------------------- */
+
+/* The scene's scale is the lines' geometric mean, in which a wrong line weighs little. */
+static void update_scene(scan *s) {
+    double depth = 0, scale = 0, n = 0;
+    noise_end_frame(&s->noise);
+    if (s->p.pose_sigma <= 0)
+        s->scene.noise.position = noise_position(&s->noise);
+    s->scene.memory = noise_memory(&s->noise);
+    for (uint32_t i = 0; i < s->n; i++) {
+        const line *l = &s->alive[i]->l;
+        if (!l->settled || l->all.n <= ESTABLISHED)
+            continue;
+        depth += log(l->depth);
+        scale += log(line_chi2(l) / (2.0 * l->all.n - 4) + 1e-3);
+        n++;
+    }
+    if (n > 0) {
+        s->scene.depth = exp(depth / n);
+        s->scene.scale = exp(scale / n);
+    }
+}
+
+/* Drops what left in the frame before, and lines whose track ended before they could be told of. */
+static void drop(scan *s) {
+    uint32_t n = 0;
+    for (uint32_t i = 0; i < s->n; i++) {
+        entry *e = s->alive[i];
+        if (e->leaving || !(e->tracked || e->listed))
+            continue;
+        s->alive[i] = s->alive[n];
+        s->alive[n++] = e;
+    }
+    s->n = n;
+}
+
+/* Lines whose track ended before they were worth keeping go; and when there is no room, the one of
+ * the fewest views that is neither tracked nor measured. */
+static void retire(scan *s) {
+    entry *least = NULL;
+    for (uint32_t i = 0; i < s->n; i++) {
+        entry *e = s->alive[i];
+        if (e->tracked || e->leaving || e->out.state == ARRIS_MEASURED)
+            continue;
+        if (e->out.state == ARRIS_UNOBSERVABLE && e->l.seen < ESTABLISHED)
+            leave(e, ARRIS_RETIRED, -1);
+        else if (!least || e->l.seen < least->l.seen)
+            least = e;
+    }
+    if (least && s->n == (uint32_t)s->p.max_lines)
+        leave(least, ARRIS_RETIRED, -1);
+}
+
+static void next_frame(scan *s) {
+    link *t = s->before;
+    s->before = s->now;
+    s->now = t;
+    s->linked = 0;
+    memset(s->now, 0, (s->mask + 1) * sizeof *s->now);
+    for (uint32_t i = 0; i < s->n; i++) {
+        entry *e = s->alive[i];
+        e->before = e->residual;
+        e->residual = 0;
+        e->tracked = e->changed = false;
+    }
+}
+
+void scan_end_frame(scan *s, bool counts) {
+    s->frames += counts;
+    drop(s);
+    update_scene(s);
+    merge_all(s);
+    for (uint32_t i = 0; i < s->n; i++) {
+        entry *e = s->alive[i];
+        if (e->leaving)
+            continue;
+        e->out.change = ARRIS_SAME;
+        if (e->changed)
+            tell(s, e);
+    }
+    retire(s);
+    next_frame(s);
+}
+
+void scan_finish(scan *s) {
+    for (uint32_t i = 0; i < s->n; i++) {
+        entry *e = s->alive[i];
+        e->changed = true;
+        e->next_merge = 0;
+        line_complete(&e->l, &s->scene);
+    }
+    merge_all(s);
+    drop(s);
+    for (uint32_t i = 0; i < s->n; i++)
+        tell(s, s->alive[i]);
+}
+
+void scan_write(const scan *s, arris_lines *out) {
+    out->n = 0;
+    out->lost = s->lost;
+    out->frames = s->frames;
+    out->scale_sigma = 0;
+    out->pose_sigma = s->scene.noise.position;
+    for (uint32_t i = 0; i < s->n; i++) {
+        if (!s->alive[i]->listed)
+            continue;
+        if (out->n < out->max)
+            out->item[out->n++] = s->alive[i]->out;
+        else
+            out->lost++;
+    }
+}

@@ -1,0 +1,122 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * start.c: where a line is, from nothing: least median of squares (Rousseeuw 1984) over pairs of
+ * views, since two planes meet in a line (thesis, section 2.6).
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "line.h"
+
+static const double PARALLEL = 1e-5; /* rad: planes closer than this don't meet */
+static const double HOLD = 0.01;     /* how much a guess may be moved, of its distance */
+static const double UNKNOWN = 1e6;   /* scale of residuals that a guess leaves */
+static const double ORIGIN[4] = {0};
+
+/* Completes f->u, f->X to a frame whose a points away from the camera at C. */
+static void complete(frame *f, const double C[3]) {
+    double along;
+    for (int i = 0; i < 3; i++)
+        f->a[i] = f->X[i] - C[i];
+    along = arris_dot(f->a, f->u);
+    for (int i = 0; i < 3; i++)
+        f->a[i] -= along * f->u[i];
+    arris_unit(f->a);
+    arris_cross(f->u, f->a, f->b);
+}
+
+/* The frame on the intersection of the planes of v and w, its middle where v saw it. */
+static bool meet(const view *v, const view *w, frame *f) {
+    double n[3], m[3], d[3], p[3];
+    for (int i = 0; i < 3; i++)
+        n[i] = v->plane[i], m[i] = w->plane[i], d[i] = w->C[i] - v->C[i];
+    arris_unit(n);
+    arris_unit(m);
+    arris_cross(n, m, f->u);
+    double sine = arris_unit(f->u);
+    if (sine < PARALLEL)
+        return false;
+    arris_cross(f->u, n, p);
+    for (int i = 0; i < 3; i++)
+        f->X[i] = v->C[i] + p[i] * arris_dot(m, d) / sine;
+    complete(f, v->C);
+    f->h = 1;
+    double begin = view_place(v, f, ORIGIN, -v->half), end = view_place(v, f, ORIGIN, v->half);
+    for (int i = 0; i < 3; i++) {
+        f->X[i] += f->u[i] * (begin + end) / 2;
+        f->u[i] *= end > begin ? 1 : -1;
+        f->b[i] *= end > begin ? 1 : -1;
+    }
+    f->h = fabs(end - begin) / 2;
+    return isfinite(f->h) && f->h > 0;
+}
+
+static int ascending(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The median, over the kept views, of the squared Mahalanobis distance. */
+static double median_distance(const line *l, const frame *f, const scene *s) {
+    double d[LINE_KEPT];
+    linear r;
+    for (uint32_t i = 0; i < l->n_kept; i++)
+        d[i] = view_linearise(&l->kept[i], f, ORIGIN, &s->noise, &r) ? linear_distance(&r, NULL)
+                                                                     : (double)INFINITY;
+    qsort(d, l->n_kept, sizeof *d, ascending);
+    return d[l->n_kept / 2];
+}
+
+static double distance_from(const frame *f, const double C[3]) {
+    double d[3] = {f->X[0] - C[0], f->X[1] - C[1], f->X[2] - C[2]};
+    return arris_unit(d);
+}
+
+bool line_start(line *l, const scene *s) {
+    double best = (double)INFINITY;
+    uint32_t n = l->n_kept;
+    for (uint32_t part = 2; part <= 3; part++) /* planes that are far apart meet best */
+        for (uint32_t i = 0, far = n / part; far > 0 && i < n; i += 1 + n / 16) {
+            frame f;
+            if (!meet(&l->kept[i], &l->kept[(i + far) % n], &f))
+                continue;
+            double d = median_distance(l, &f, s);
+            if (d < best)
+                best = d, l->f = f;
+        }
+    /* the median of chi-square with 2 degrees of freedom is 2 log 2; few views fit too well */
+    double few = n > 4 ? 1 + 5.0 / (n - 2) : 4;
+    l->depth = l->prior = distance_from(&l->f, l->kept[0].C);
+    l->scale = fmax(s->scale, best / (2 * log(2.0)) * few * few);
+    return isfinite(best);
+}
+
+void line_guess(line *l, const scene *s) {
+    const view *v = &l->kept[l->n_kept / 2];
+    frame *f = &l->f;
+    for (int i = 0; i < 3; i++) {
+        f->X[i] = v->C[i] + s->depth * v->ray[i];
+        f->u[i] = v->step[i];
+    }
+    f->h = s->depth * v->half * arris_unit(f->u);
+    complete(f, v->C);
+    l->depth = s->depth;
+    l->prior = HOLD * s->depth;
+    l->scale = UNKNOWN;
+}
+
+void line_reframe(line *l) {
+    frame *f = &l->f;
+    double P[3], Q[3];
+    frame_point(f, l->x, l->ends[0], P);
+    frame_point(f, l->x, l->ends[1], Q);
+    for (int i = 0; i < 3; i++) {
+        f->X[i] = (P[i] + Q[i]) / 2;
+        f->u[i] = (Q[i] - P[i]) / 2;
+    }
+    f->h = arris_unit(f->u);
+    complete(f, l->kept[0].C);
+    memset(l->x, 0, sizeof l->x);
+    l->ends[0] = -1, l->ends[1] = 1;
+}

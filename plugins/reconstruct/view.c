@@ -1,0 +1,167 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * view.c: one sighting of a line (view.h).
+ */
+#include "view.h"
+
+#include <math.h>
+
+/* Added to the variance of the offset (px²): a ten-thousandth of a pixel, which nobody sees. Keeps
+ * what claims to be exact from being infinitely heavy. */
+static const double LEAST_VARIANCE = 1e-8;
+
+static void ray_at_depth_1(const arris_camera *c, const arris_pose *pose, double x, double y,
+                           double ray[3]) {
+    arris_bearing(c, pose, x, y, ray);
+    double depth = arris_dot(pose->R + 6, ray);
+    for (int i = 0; i < 3; i++)
+        ray[i] /= depth;
+}
+
+/* Narrows from..to to where from + t speed stays within lo..hi. */
+static void clip(double at, double speed, double lo, double hi, double *from, double *to) {
+    double t0 = (lo - at) / speed, t1 = (hi - at) / speed;
+    if (speed == 0)
+        return;
+    *from = fmax(*from, fmin(t0, t1));
+    *to = fmin(*to, fmax(t0, t1));
+}
+
+/* Takes the lens out of the end points, where `undistort` has not. */
+static int straighten(const arris_camera *c, arris_segment *s) {
+    if (!arris_camera_distorts(c))
+        return 0;
+    int first = arris_undistort(c, s->x1, s->y1, &s->x1, &s->y1);
+    int second = arris_undistort(c, s->x2, s->y2, &s->x2, &s->y2);
+    return first ? first : second;
+}
+
+static bool usable(const arris_segment *s, double length) {
+    return isfinite(length) && length > 0 && s->cov[0] >= 0 && s->cov[2] >= 0 &&
+           isfinite(s->x1 + s->y1 + s->cov[0] + s->cov[1] + s->cov[2]);
+}
+
+static void set_covariance(view *v, const double cov[3]) {
+    v->cov[0] = cov[0] + LEAST_VARIANCE;
+    v->cov[1] = cov[1] * cov[1] < cov[0] * cov[2] ? cov[1] : 0;
+    v->cov[2] = cov[2] + LEAST_VARIANCE / (v->half * v->half);
+}
+
+int view_make(view *v, const arris_segment *segment, const arris_camera *c, const arris_pose *pose,
+              const double picture[4]) {
+    arris_segment s = *segment;
+    int bad = straighten(c, &s);
+    double dx = s.x2 - s.x1, dy = s.y2 - s.y1, length = hypot(dx, dy);
+    double x = (s.x1 + s.x2) / 2, y = (s.y1 + s.y2) / 2;
+    if (bad || !usable(&s, length))
+        return ARRIS_E_INPUT;
+    dx /= length, dy /= length;
+    ray_at_depth_1(c, pose, x, y, v->ray);
+    ray_at_depth_1(c, pose, x + dx, y + dy, v->step);
+    for (int i = 0; i < 3; i++) {
+        v->C[i] = pose->C[i];
+        v->axis[i] = pose->R[6 + i];
+        v->step[i] -= v->ray[i];
+    }
+    arris_cross(v->ray, v->step, v->plane);
+    for (int i = 0; i < 3; i++)
+        v->plane[i] *= c->fx * c->fy;
+    v->half = length / 2;
+    v->from = -(double)INFINITY, v->to = (double)INFINITY;
+    clip(x, dx, picture[0], picture[2], &v->from, &v->to);
+    clip(y, dy, picture[1], picture[3], &v->from, &v->to);
+    v->from = fmin(v->from, -v->half);
+    v->to = fmax(v->to, v->half);
+    set_covariance(v, s.cov);
+    return 0;
+}
+
+/* The line is M + s D. */
+static void middle(const frame *f, const double x[4], double M[3], double D[3]) {
+    for (int i = 0; i < 3; i++) {
+        M[i] = f->X[i] + (x[0] + x[2]) / 2 * f->a[i] + (x[1] + x[3]) / 2 * f->b[i];
+        D[i] = f->h * f->u[i] + (x[2] - x[0]) / 2 * f->a[i] + (x[3] - x[1]) / 2 * f->b[i];
+    }
+}
+
+void frame_point(const frame *f, const double x[4], double s, double P[3]) {
+    double D[3];
+    middle(f, x, P, D);
+    for (int i = 0; i < 3; i++)
+        P[i] += s * D[i];
+}
+
+/* arris_line_at counts in units of the direction that it is given. */
+static double place(const view *v, const double M[3], const double D[3], double px) {
+    double d[3];
+    for (int i = 0; i < 3; i++)
+        d[i] = v->ray[i] + px * v->step[i];
+    return arris_line_at(M, D, v->C, d);
+}
+
+double view_place(const view *v, const frame *f, const double x[4], double px) {
+    double M[3], D[3];
+    middle(f, x, M, D);
+    return place(v, M, D, px);
+}
+
+/* The variances at -half and half from those of offset and angle, to which the noise of the pose
+ * adds: moving the camera by d moves the offset by plane d / depth, turning it moves the offset by
+ * at most |plane| |ray| and turns the picture. */
+static void covariance(const view *v, double depth, const pose_noise *noise, double cov[3]) {
+    double position = noise->position / depth;
+    double rotation = noise->rotation * noise->rotation;
+    double offset = v->cov[0] + arris_dot(v->plane, v->plane) *
+                                    (position * position + arris_dot(v->ray, v->ray) * rotation);
+    double bend = v->half * v->half * (v->cov[2] + rotation), mixed = 2 * v->half * v->cov[1];
+    cov[0] = offset - mixed + bend;
+    cov[1] = offset - bend;
+    cov[2] = offset + mixed + bend;
+}
+
+/* What v->plane would be for a segment that lies on the picture of the line M + s D. It is taken
+ * for the derivatives in the place of v->plane: so they do not have the noise of the segment in
+ * them, and are 0 in the directions of which the view tells nothing. */
+static void predicted_plane(const view *v, const double M[3], const double D[3], double plane[3]) {
+    double d[3] = {M[0] - v->C[0], M[1] - v->C[1], M[2] - v->C[2]};
+    arris_cross(d, D, plane);
+    double scale = arris_dot(v->plane, v->plane) / arris_dot(v->plane, plane);
+    for (int i = 0; i < 3; i++)
+        plane[i] *= scale;
+}
+
+bool view_linearise(const view *v, const frame *f, const double x[4], const pose_noise *noise,
+                    linear *l) {
+    double M[3], D[3], P[3], plane[3];
+    middle(f, x, M, D);
+    predicted_plane(v, M, D, plane);
+    double a = arris_dot(plane, f->a), b = arris_dot(plane, f->b);
+    l->depth = 0;
+    for (int k = 0; k < 2; k++) {
+        double s = l->s[k] = place(v, M, D, k ? v->half : -v->half);
+        for (int i = 0; i < 3; i++)
+            P[i] = M[i] + s * D[i] - v->C[i];
+        double z = arris_dot(v->axis, P);
+        if (!(z > 0))
+            return false;
+        l->r[k] = arris_dot(v->plane, P) / z;
+        l->J[k][0] = (1 - s) / 2 * a / z;
+        l->J[k][1] = (1 - s) / 2 * b / z;
+        l->J[k][2] = (1 + s) / 2 * a / z;
+        l->J[k][3] = (1 + s) / 2 * b / z;
+        l->depth += z / 2;
+    }
+    covariance(v, l->depth, noise, l->cov);
+    return true;
+}
+
+double linear_distance(const linear *l, const mat4 *P) {
+    double c0 = l->cov[0], c1 = l->cov[1], c2 = l->cov[2];
+    if (P) {
+        c0 += mat4_form(P, l->J[0], l->J[0]);
+        c1 += mat4_form(P, l->J[0], l->J[1]);
+        c2 += mat4_form(P, l->J[1], l->J[1]);
+    }
+    double r0 = l->r[0], r1 = l->r[1];
+    return (c2 * r0 * r0 - 2 * c1 * r0 * r1 + c0 * r1 * r1) / (c0 * c2 - c1 * c1);
+}

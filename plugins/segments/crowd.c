@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * crowd.c: a bit a pixel for every edge point (crowd.h). Every row and column has a word of zeros
+ * before it and two behind it, so that no look at the neighbours needs a test.
+ */
+#include "crowd.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static size_t words(int n) {
+    return (size_t)n / 64 + 4;
+}
+
+int crowd_init(crowd *c, int width, int height) {
+    c->bits[0] = malloc((size_t)height * words(width) * sizeof(uint64_t));
+    c->bits[1] = malloc((size_t)width * words(height) * sizeof(uint64_t));
+    return c->bits[0] && c->bits[1] ? 0 : ARRIS_E_MEMORY;
+}
+
+void crowd_free(crowd *c) {
+    free(c->bits[0]);
+    free(c->bits[1]);
+}
+
+INLINE void add(crowd *c, float x, float y) {
+    int at = (int)(x + 0.5f), line = (int)(y + 0.5f);
+    c->bits[0][(size_t)line * c->stride[0] + (size_t)at / 64 + 1] |= (uint64_t)1 << at % 64;
+    c->bits[1][(size_t)at * c->stride[1] + (size_t)line / 64 + 1] |= (uint64_t)1 << line % 64;
+}
+
+void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *lens) {
+    float right = (float)width - 0.5f, bottom = (float)height - 0.5f;
+    c->stride[0] = words(width), c->stride[1] = words(height);
+    memset(c->bits[0], 0, (size_t)height * c->stride[0] * sizeof(uint64_t));
+    memset(c->bits[1], 0, (size_t)width * c->stride[1] * sizeof(uint64_t));
+    for (uint32_t i = 0; i < e->n; i++) {
+        float x = e->point[i].x, y = e->point[i].y;
+        if (lens) {
+            double u, v;
+            arris_distort(lens, (double)x, (double)y, &u, &v);
+            x = (float)u, y = (float)v;
+        }
+        if (x > -0.5f && y > -0.5f && x < right && y < bottom)
+            add(c, x, y);
+    }
+}

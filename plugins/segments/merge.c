@@ -1,0 +1,181 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * merge.c: pieces and how they are joined (merge.h).
+ */
+#include "merge.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { MAX_ROUNDS = 32 };
+
+/* ---- pieces --------------------------------------------------------------------------------- */
+
+/* Direction of the greatest spread, and the ends' feet on the line. */
+static void fit(piece *p) {
+    double mx = p->x / p->n, my = p->y / p->n;
+    double a = (p->xx - p->x * mx) - (p->yy - p->y * my), b = 2 * (p->xy - p->x * my);
+    double h = sqrt(a * a + b * b), cx = p->x2 - p->x1, cy = p->y2 - p->y1;
+    /* half of the angle whose cosine is a / h, without loss where that is small */
+    double dx = a > 0 ? h + a : fabs(b), dy = a > 0 ? b : copysign(h - a, b);
+    double length = sqrt(dx * dx + dy * dy);
+    if (!(length > 0))
+        dx = cx, dy = cy, length = sqrt(cx * cx + cy * cy);
+    if (!(length > 0))
+        dx = length = 1;
+    if (dx * cx + dy * cy < 0)
+        length = -length;
+    p->dx = dx / length;
+    p->dy = dy / length;
+    double t1 = (p->x1 - mx) * p->dx + (p->y1 - my) * p->dy;
+    double t2 = (p->x2 - mx) * p->dx + (p->y2 - my) * p->dy;
+    p->x1 = mx + t1 * p->dx, p->y1 = my + t1 * p->dy;
+    p->x2 = mx + t2 * p->dx, p->y2 = my + t2 * p->dy;
+}
+
+static void chord(piece *p) {
+    double dx = p->x2 - p->x1, dy = p->y2 - p->y1, length = sqrt(dx * dx + dy * dy);
+    p->dx = length > 0 ? dx / length : 1;
+    p->dy = length > 0 ? dy / length : 0;
+}
+
+piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw) {
+    const arris_edge_point *q = &p[n - 1];
+    piece s = {.x1 = p->x, .y1 = p->y, .x2 = q->x, .y2 = q->y, .n = n, .chain = chain,
+               .points = n, .raw = raw};
+    for (uint32_t i = 0; i < n; i++) {
+        double x = p[i].x, y = p[i].y;
+        s.x += x, s.y += y;
+        s.xx += x * x, s.xy += x * y, s.yy += y * y;
+        s.gx += p[i].gx, s.gy += p[i].gy;
+    }
+    (raw ? chord : fit)(&s);
+    return s;
+}
+
+double piece_scatter(const piece *p) {
+    double nx = -p->dy, ny = p->dx, mx = p->x / p->n, my = p->y / p->n;
+    double mean = (mx - p->x1) * nx + (my - p->y1) * ny;
+    double var = nx * nx * (p->xx / p->n - mx * mx) + 2 * nx * ny * (p->xy / p->n - mx * my) +
+                 ny * ny * (p->yy / p->n - my * my);
+    return fmax(var, 0) + mean * mean;
+}
+
+/* ---- joining -------------------------------------------------------------------------------- */
+
+static piece join(const piece *a, const piece *b) {
+    piece s = a->points >= b->points ? *a : *b;
+    s.x1 = a->x1, s.y1 = a->y1, s.x2 = b->x2, s.y2 = b->y2;
+    s.n = a->n + b->n;
+    s.x = a->x + b->x, s.y = a->y + b->y;
+    s.xx = a->xx + b->xx, s.xy = a->xy + b->xy, s.yy = a->yy + b->yy;
+    s.gx = a->gx + b->gx, s.gy = a->gy + b->gy;
+    (s.raw ? chord : fit)(&s);
+    return s;
+}
+
+static bool near_line(const piece *p, double x, double y, double tol) {
+    return fabs((y - p->y1) * p->dx - (x - p->x1) * p->dy) <= tol;
+}
+
+/* Whether b continues a, and at what cost. */
+static bool continues(const piece *a, const piece *b, const piece_rule *rule, double *cost) {
+    double ex = b->x1 - a->x2, ey = b->y1 - a->y2, gap = ex * ex + ey * ey;
+    if (gap > rule->linkrad * rule->linkrad || a->dx * b->dx + a->dy * b->dy <= 0)
+        return false;
+    double turn = fabs(a->dx * b->dy - a->dy * b->dx), most = rule->sine;
+    if (turn >= most)
+        return false;
+    piece s = join(a, b);
+    *cost = turn * turn / (most * most) + gap / (rule->linkrad * rule->linkrad + 1);
+    return near_line(&s, a->x1, a->y1, rule->tol) && near_line(&s, a->x2, a->y2, rule->tol) &&
+           near_line(&s, b->x1, b->y1, rule->tol) && near_line(&s, b->x2, b->y2, rule->tol);
+}
+
+/* A strict order of pairs that depends on their geometry only. */
+static bool better(const piece_pair *p, const piece_pair *q) {
+    if (p->cost != q->cost || !p->first || !q->first)
+        return p->cost < q->cost;
+    const piece *a = p->first, *b = p->second, *c = q->first, *d = q->second;
+    double u[] = {a->x2, a->y2, b->x1, b->y1, a->x1, a->y1, b->x2, b->y2};
+    double v[] = {c->x2, c->y2, d->x1, d->y1, c->x1, c->y1, d->x2, d->y2};
+    for (int i = 0; i < 8; i++)
+        if (u[i] != v[i])
+            return u[i] < v[i];
+    return false;
+}
+
+static void offer(piece *p, const piece_pair *pair) {
+    if (better(pair, &p->best))
+        p->best = *pair;
+}
+
+/* ---- starts of pieces by place -------------------------------------------------------------- */
+
+typedef struct grid {
+    double per_cell; /* cells to a px, so that four hold all starts near a point */
+    uint32_t mask;
+    piece **heads;
+} grid;
+
+static uint32_t grid_cell(const grid *g, double x) {
+    return (uint32_t)(int32_t)(x * g->per_cell + (1 << 20));
+}
+
+static piece **grid_head(const grid *g, uint32_t col, uint32_t row) {
+    return &g->heads[(col * 0x9E3779B1u ^ row * 0x85EBCA77u) >> 16 & g->mask];
+}
+
+static void grid_fill(grid *g, piece *p, uint32_t n) {
+    memset(g->heads, 0, (g->mask + 1) * sizeof *g->heads);
+    for (uint32_t i = 0; i < n; i++) {
+        p[i].best = (piece_pair){.cost = INFINITY};
+        if (p[i].gone)
+            continue;
+        piece **head = grid_head(g, grid_cell(g, p[i].x1), grid_cell(g, p[i].y1));
+        p[i].next = *head;
+        *head = &p[i];
+    }
+}
+
+/* Offers each pair that a begins to both of its pieces. */
+static void find_pairs(const grid *g, piece *a, const piece_rule *rule) {
+    uint32_t col = grid_cell(g, a->x2 - rule->linkrad), right = grid_cell(g, a->x2 + rule->linkrad);
+    uint32_t top = grid_cell(g, a->y2 - rule->linkrad), bottom = grid_cell(g, a->y2 + rule->linkrad);
+    for (; col <= right; col++)
+        for (uint32_t row = top; row <= bottom; row++)
+            for (piece *b = *grid_head(g, col, row); b; b = b->next) {
+                piece_pair pair = {0, a, b};
+                if (a == b || !continues(a, b, rule, &pair.cost))
+                    continue;
+                offer(a, &pair);
+                offer(b, &pair);
+            }
+}
+
+/* Joins the pairs that are the best of both their pieces. */
+static bool join_best(piece *p, uint32_t n) {
+    bool any = false;
+    for (uint32_t i = 0; i < n; i++) {
+        piece *b = p[i].best.second;
+        if (p[i].gone || p[i].best.first != &p[i] || b->best.first != &p[i] || b->best.second != b)
+            continue;
+        p[i] = join(&p[i], b);
+        b->gone = any = true;
+    }
+    return any;
+}
+
+void piece_merge(piece *p, uint32_t n, const piece_rule *rule, piece **heads) {
+    grid g = {.per_cell = 1 / fmax(16, 2 * rule->linkrad), .mask = 63, .heads = heads};
+    while (g.mask + 1 < PIECE_HEADS && g.mask < n)
+        g.mask = 2 * g.mask + 1;
+    bool more = true;
+    for (int round = 0; more && round < MAX_ROUNDS; round++) {
+        grid_fill(&g, p, n);
+        for (uint32_t i = 0; i < n; i++)
+            if (!p[i].gone)
+                find_pairs(&g, &p[i], rule);
+        more = join_best(p, n);
+    }
+}

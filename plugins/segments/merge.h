@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * merge.h: straight pieces of chains, and joining those that continue each other.
+ */
+#ifndef MERGE_H
+#define MERGE_H
+
+#include "arris_types.h"
+
+typedef struct piece piece;
+
+/* Two pieces of which the second begins where the first ends; the less `cost` the better. */
+typedef struct piece_pair {
+    double cost;
+    piece *first, *second;
+} piece_pair;
+
+/* A run of edge points near a line, brighter side on the right. */
+struct piece {
+    double x1, y1, x2, y2;      /* the ends, px */
+    double dx, dy;              /* unit direction from the first end to the second */
+    double n, x, y, xx, xy, yy; /* sums over the points */
+    double gx, gy;              /* and over their gradients */
+    uint32_t chain, points;     /* the chain that most points are from, and how many those are */
+    bool raw;                   /* the ends are points of chains, not their feet on the line */
+    bool gone;                  /* it became part of another */
+    piece *next;                /* for piece_merge */
+    piece_pair best;
+};
+
+/* The piece of n >= 2 points. The line is fitted by total least squares; `raw`: it is that through
+ * the first and the last point. */
+piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw);
+
+/* The points' mean squared distance from the piece's line, px². */
+double piece_scatter(const piece *p);
+
+typedef struct piece_rule {
+    double sine;    /* of the angle between the directions */
+    double linkrad; /* px, between the end of one and the start of the next */
+    double tol;     /* px, of all four ends from the line of the joined piece; may be INFINITY */
+} piece_rule;
+
+enum { PIECE_HEADS = 4096 };
+
+/* Joins pieces by the rule (Kovesi's mergeseg, for pieces whose brighter sides agree). The pair
+ * that fits best goes first and directions are updated after each join, so that the order of the
+ * pieces has no influence. A joined piece is `gone`. `heads` is scratch for PIECE_HEADS. */
+void piece_merge(piece *p, uint32_t n, const piece_rule *rule, piece **heads);
+
+#endif

@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * refit.h: the line of an edge from the grey levels, at the Cramér-Rao bound.
+ */
+#ifndef REFIT_H
+#define REFIT_H
+
+#include "rows.h"
+
+typedef struct refit_start {
+    double x1, y1, x2, y2; /* the ends as observed, px, brighter side on the right */
+    double gradient;       /* mean of the smoothed picture's across the line, levels per px */
+    double noise;          /* sigma of one pixel, levels; 0: from what the fit leaves */
+} refit_start;
+
+typedef struct refitter refitter;
+
+/* Room for lines in pictures of up to this size. NULL: no memory. */
+refitter *refitter_new(int width, int height);
+void refitter_free(refitter *f); /* NULL is allowed */
+
+/* The picture of all lines until the next call; it must stay. `lens` maps the lines' coordinates and
+ * those of the edge points to the picture's, NULL: they are the same. */
+void refitter_look(refitter *f, const arris_image *image, const arris_edges *edges,
+                   const arris_camera *lens);
+
+/* Fits a blurred step to the rows (rows.h) of the line near `start` and fills *s but for `chain`;
+ * the ends are the feet of the observed ones. False when it cannot be measured or is no step that
+ * stands out of the noise; then *s means nothing. */
+bool refit(refitter *f, const refit_start *start, arris_segment *s);
+
+/* For tests: without what only some machines have. */
+void refitter_portable(refitter *f);
+
+#endif

@@ -1,0 +1,163 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * segmenter.c: chains are split, the pieces joined, and the lines measured (segmenter.h).
+ */
+#include "segmenter.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "merge.h"
+#include "refit.h"
+#include "split.h"
+
+#define SHORTEST 5.0    /* px: a shorter piece joins nothing */
+#define CORRELATED 3.5  /* points that a Gaussian of 1 px makes one: 2 sqrt(pi) sigma */
+#define ROUNDING (1. / 12)
+
+struct segmenter {
+    segmenter_params p;
+    int width, height;
+    uint32_t max_pieces, max_chain;
+    uint32_t n, lost; /* pieces */
+    piece *pieces, *heads[PIECE_HEADS];
+    uint32_t *corner;       /* of one chain */
+    arris_edge_point *raw;  /* one chain, rounded to pixels */
+    refitter *refitter;
+};
+
+size_t segmenter_max(int width, int height) {
+    return 64 + (size_t)width * height / 96;
+}
+
+segmenter *segmenter_new(int width, int height, const segmenter_params *p) {
+    segmenter *s = calloc(1, sizeof *s);
+    if (!s)
+        return NULL;
+    size_t pixels = (size_t)width * height;
+    s->p = *p;
+    s->width = width, s->height = height;
+    s->max_pieces = (uint32_t)(4 * segmenter_max(width, height));
+    s->max_chain = (uint32_t)(pixels / 2 + 64);
+    s->pieces = malloc(s->max_pieces * sizeof *s->pieces);
+    s->corner = malloc(s->max_chain * sizeof *s->corner);
+    s->raw = p->mode == SEGMENTER_THESIS ? malloc(s->max_chain * sizeof *s->raw) : NULL;
+    s->refitter = refitter_new(width, height);
+    if (!s->refitter || !s->pieces || !s->corner || (p->mode == SEGMENTER_THESIS && !s->raw)) {
+        segmenter_free(s);
+        return NULL;
+    }
+    return s;
+}
+
+void segmenter_free(segmenter *s) {
+    if (!s)
+        return;
+    refitter_free(s->refitter);
+    free(s->pieces);
+    free(s->corner);
+    free(s->raw);
+    free(s);
+}
+
+/* ---- pieces --------------------------------------------------------------------------------- */
+
+static const arris_edge_point *rounded(segmenter *s, const arris_edge_point *p, uint32_t n) {
+    for (uint32_t i = 0; i < n; i++) {
+        s->raw[i] = p[i];
+        s->raw[i].x = rintf(p[i].x);
+        s->raw[i].y = rintf(p[i].y);
+    }
+    return s->raw;
+}
+
+static void add_chain(segmenter *s, const arris_edge_point *p, uint32_t n, uint32_t chain) {
+    bool raw = s->p.mode == SEGMENTER_THESIS;
+    if (raw)
+        p = rounded(s, p, n);
+    uint32_t corners = split_chain(p, n, s->p.tol, raw, s->corner);
+    for (uint32_t k = 0; k + 1 < corners; k++) {
+        uint32_t a = s->corner[k], b = s->corner[k + 1];
+        if (!raw && hypotf(p[b].x - p[a].x, p[b].y - p[a].y) < (float)SHORTEST)
+            continue;
+        if (s->n < s->max_pieces)
+            s->pieces[s->n++] = piece_make(p + a, b - a + 1, chain, raw);
+        else
+            s->lost++;
+    }
+}
+
+static void find_pieces(segmenter *s, const arris_edges *edges) {
+    s->n = s->lost = 0;
+    for (uint32_t i = 0; i < edges->n_chains; i++) {
+        const arris_chain *c = &edges->chain[i];
+        if (c->n >= 2)
+            add_chain(s, edges->point + c->first, c->n < s->max_chain ? c->n : s->max_chain, i);
+    }
+    piece_rule rule = {sin(s->p.angtol), s->p.linkrad,
+                       s->p.mode == SEGMENTER_THESIS ? INFINITY : s->p.tol / 2};
+    piece_merge(s->pieces, s->n, &rule, s->heads);
+}
+
+/* ---- lines ---------------------------------------------------------------------------------- */
+
+/* Line through the points, with a covariance from how they scatter. */
+static void from_points(const piece *p, double length, arris_segment *out) {
+    double scatter = piece_scatter(p), n = p->n;
+    *out = (arris_segment){.x1 = p->x1, .y1 = p->y1, .x2 = p->x2, .y2 = p->y2};
+    /* a chord has the errors of its two ends; n points on a line share theirs */
+    double var = p->raw ? (scatter + ROUNDING) / 2 : CORRELATED * (scatter + 1e-6) / n;
+    out->cov[0] = var;
+    out->cov[2] = var * (p->raw ? 4 : 12) / (length * length);
+}
+
+/* Whether the picture can be looked at, and through which lens. */
+static bool look(const segmenter *s, const arris_edges *edges, const arris_image *image,
+                 const arris_camera **lens) {
+    *lens = NULL;
+    if (!image || s->p.mode == SEGMENTER_THESIS || image->width > s->width ||
+        image->height > s->height)
+        return false;
+    const arris_camera *from = image->camera, *to = edges->camera;
+    if (!from || !to || arris_camera_same(from, to))
+        return true;
+    arris_camera ideal = arris_camera_ideal(from);
+    *lens = from;
+    return arris_camera_same(&ideal, to);
+}
+
+static void measure(segmenter *s, const piece *p, float noise, bool look, arris_segments *out) {
+    double dx = p->x2 - p->x1, dy = p->y2 - p->y1, length = sqrt(dx * dx + dy * dy);
+    arris_segment found;
+    if (!(length >= s->p.min_length))
+        return;
+    if (look) {
+        refit_start start = {p->x1, p->y1, p->x2, p->y2,
+                             (p->gy * p->dx - p->gx * p->dy) / p->n, (double)noise};
+        if (!refit(s->refitter, &start, &found))
+            return;
+    } else {
+        from_points(p, length, &found);
+    }
+    found.chain = p->chain;
+    if (out->n < out->max)
+        out->item[out->n++] = found;
+    else
+        out->lost++;
+}
+
+void segmenter_run(segmenter *s, const arris_edges *edges, const arris_image *image,
+                   arris_segments *out) {
+    find_pieces(s, edges);
+    const arris_camera *lens;
+    bool seen = look(s, edges, image, &lens);
+    if (seen)
+        refitter_look(s->refitter, image, edges, lens);
+    out->n = 0;
+    out->lost = s->lost;
+    out->camera = edges->camera;
+    for (uint32_t i = 0; i < s->n; i++)
+        if (!s->pieces[i].gone)
+            measure(s, &s->pieces[i], edges->noise, seen, out);
+}

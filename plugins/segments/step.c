@@ -1,0 +1,116 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * step.c: the filters of a blurred step (step.h), by Gram-Schmidt.
+ */
+#include "step.h"
+
+#include <math.h>
+#include <string.h>
+
+typedef double row[STEP_WIDTH];
+
+static double dot(const row a, const row b) {
+    double sum = 0;
+    for (int j = 0; j < STEP_WIDTH; j++)
+        sum += a[j] * b[j];
+    return sum;
+}
+
+/* What each part changes at the distance d from a step of blur s. */
+static void parts_at(double d, double s, double part[STEP_FILTERS]) {
+    double z = d / s, Phi = 0.5 * erfc(-z * M_SQRT1_2), phi = exp(-z * z / 2) / sqrt(2 * M_PI);
+    double bright = d * Phi + s * phi; /* a ramp on the bright side only, blurred */
+    part[STEP_MEAN] = 1;
+    part[STEP_CONTRAST] = Phi;
+    part[STEP_OFFSET] = phi / s;
+    part[STEP_BLUR] = -z * phi;
+    part[STEP_KINK] = 2 * bright - d;
+    part[STEP_SLOPE] = d;
+}
+
+/* Takes the first k directions out of q[k] and scales the rest to length 1; a rest that is nothing
+ * but rounding becomes 0. Returns the length. */
+static double orthogonal(row *q, int k) {
+    double before = sqrt(dot(q[k], q[k]));
+    for (int twice = 0; twice < 2; twice++)
+        for (int i = 0; i < k; i++) {
+            double c = dot(q[i], q[k]);
+            for (int j = 0; j < STEP_WIDTH; j++)
+                q[k][j] -= c * q[i][j];
+        }
+    double length = sqrt(dot(q[k], q[k]));
+    if (length < 1e-6 * before)
+        length = 0;
+    for (int j = 0; j < STEP_WIDTH; j++)
+        q[k][j] = length > 0 ? q[k][j] / length : 0;
+    return length;
+}
+
+/* The parts over a row, from a step that is `shift` px before the middle. */
+static void model(row *v, double s, int half, double shift, int parts) {
+    double part[STEP_FILTERS];
+    memset(v, 0, STEP_FILTERS * sizeof *v);
+    for (int j = STEP_HALF - half; j < STEP_HALF + half; j++) {
+        parts_at(j - STEP_HALF + shift, s, part);
+        for (int k = 0; k < parts; k++)
+            v[k][j] = part[k];
+    }
+}
+
+static void make(step_filter *f, double s, int half, double shift) {
+    row v[STEP_FILTERS], q[STEP_FILTERS], wider[STEP_FILTERS];
+    double length[STEP_FILTERS] = {0};
+    /* the slopes of a narrow row could not be told from the step */
+    int parts = half >= 5 ? STEP_FILTERS : STEP_KINK;
+    model(v, s, half, shift, parts);
+    model(wider, 1.01 * s, half, shift, parts);
+    memcpy(q, v, sizeof q);
+    for (int k = 0; k < parts; k++)
+        length[k] = orthogonal(q, k);
+    for (int k = 0; k < parts; k++) {
+        f->response[k] = k < STEP_KINK ? (float)length[k] : 1;
+        for (int j = 0; j < STEP_WIDTH; j++)
+            f->w[j][k] = (float)q[k][j];
+    }
+    double gain = dot(q[STEP_OFFSET], wider[STEP_OFFSET]) / length[STEP_OFFSET];
+    f->gain = (float)((gain - 1) / log(1.01));
+    f->sum = (float)dot(v[STEP_MEAN], v[STEP_CONTRAST]);
+    f->dof = (float)(2 * half - parts);
+    if (parts <= STEP_SLOPE)
+        return;
+    double kink = dot(q[STEP_OFFSET], v[STEP_KINK]) / length[STEP_KINK];
+    f->kink = (float)kink;
+    f->slope = (float)((dot(q[STEP_OFFSET], v[STEP_SLOPE]) -
+                        kink * dot(q[STEP_KINK], v[STEP_SLOPE])) /
+                       length[STEP_SLOPE]);
+    f->tilt = (float)(dot(q[STEP_CONTRAST], v[STEP_SLOPE]) / length[STEP_SLOPE]);
+}
+
+void step_init(step_table *t) {
+    memset(t, 0, sizeof *t);
+    for (int k = 0; k < STEP_SCALES; k++)
+        for (int half = STEP_MIN; half <= STEP_HALF; half++)
+            for (int p = 0; p < STEP_PHASES; p++)
+                make(&t->f[k][half - STEP_MIN][p], (double)step_blur(k), half,
+                     (p + 0.5) / STEP_PHASES);
+    for (int half = STEP_MIN; half <= STEP_HALF; half++)
+        for (int j = STEP_HALF - half; j < STEP_HALF + half; j++)
+            t->inside[half - STEP_MIN][j / 4][j % 4] = 1;
+}
+
+/* A float's bits from the exponent to the third of the mantissa count eighths of octaves. */
+enum { EIGHTH = 1 << 20, FIRST = 0x3EE00000 /* 0.4375 */ };
+
+int step_scale(float blur) {
+    int32_t bits;
+    memcpy(&bits, &blur, sizeof bits);
+    int k = (bits - FIRST) / EIGHTH;
+    return k < 0 ? 0 : k < STEP_SCALES ? k : STEP_SCALES - 1;
+}
+
+float step_blur(int scale) {
+    int32_t bits = FIRST + scale * EIGHTH + EIGHTH / 2;
+    float blur;
+    memcpy(&blur, &bits, sizeof blur);
+    return blur;
+}

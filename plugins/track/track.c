@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * track.c: the stage `track`: which segment continues which track (thesis, section 2.5). The kernel
+ * is tracker.h.
+ */
+#include "arris_plugin.h"
+
+#include "tracker.h"
+
+struct track_stage {
+    tracker_params p;
+    tracker *tracker;
+};
+
+static const arris_prop props[] = {
+    ARRIS_P_DOUBLE(struct track_stage, p.box, "box", "5", 0.1, 1000, "px",
+                   "a line may be this far from where its motion would put it"),
+    ARRIS_P_INT(struct track_stage, p.max_gap, "max-gap", "5", 0, 10000, "frames",
+                "a track lives on this long without a segment"),
+    ARRIS_P_INT(struct track_stage, p.max_tracks, "max-tracks", "4096", 1, 1000000, "tracks",
+                "alive at a time; also the segments of a frame that are looked at"),
+};
+
+static int setup(arris_stage *s, void *self, arris_caps *caps) {
+    struct track_stage *t = self;
+    (void)caps;
+    t->tracker = tracker_new(&t->p);
+    if (!t->tracker)
+        return arris_fail(s, ARRIS_E_MEMORY, "a smaller max-tracks takes less",
+                          "no memory for %d tracks", t->p.max_tracks);
+    return arris_reserve(s, ARRIS_TRACKS, (size_t)t->p.max_tracks, 0);
+}
+
+static int process(arris_stage *s, void *self, arris_frame *f) {
+    arris_tracks *out = arris_layer_give(s, f, ARRIS_TRACKS);
+    tracker_run(((struct track_stage *)self)->tracker, arris_layer_get(f, ARRIS_SEGMENTS), out);
+    if (out->lost)
+        arris_count(s, "segments lost", out->lost);
+    return 0;
+}
+
+static void close_track(arris_stage *s, void *self) {
+    (void)s;
+    tracker_free(((struct track_stage *)self)->tracker);
+}
+
+static const arris_stage_desc stage_track = {
+    .size = sizeof(arris_stage_desc),
+    .name = "track",
+    .summary = "follows segments from frame to frame",
+    .example = "imagesrc location=frames.csv ! edges ! undistort ! segments ! track ! filesink "
+               "location=tracks.csv",
+    .layers = {.needs = ARRIS_BIT(ARRIS_SEGMENTS), .gives = ARRIS_BIT(ARRIS_TRACKS)},
+    .self_size = sizeof(struct track_stage),
+    .props = props,
+    .n_props = sizeof props / sizeof *props,
+    .setup = setup,
+    .process = process,
+    .close = close_track,
+};
+
+ARRIS_PLUGIN("track", "LGPL-2.1-or-later", &stage_track);

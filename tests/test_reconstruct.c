@@ -1,0 +1,756 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * test_reconstruct.c: the estimate of lines against geometry that is known: exact planes, the
+ * Cramér-Rao bound, motions that tell nothing, and segments that are another edge's.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "../plugins/reconstruct/line.h"
+#include "../plugins/reconstruct/scan.h"
+
+/* ---- a simulated camera --------------------------------------------------------------------- */
+
+static const arris_camera camera = {320, 240, 380, 378, 0.5, 158.5, 121, 0, 0, 0, 0, 0};
+static const double picture[4] = {0, 0, 319, 239};
+static const scene known = {{0, 0}, 1, 1, 1000};
+
+typedef struct edge {
+    double p[3], q[3];
+} edge;
+
+static uint64_t seed;
+
+/* Uniform in 0..1 (xorshift64*), and normal with sigma 1 (Box and Muller). */
+static double uniform(void) {
+    seed ^= seed >> 12, seed ^= seed << 25, seed ^= seed >> 27;
+    return (double)((seed * 2685821657736338717u) >> 11) / 9007199254740992.0;
+}
+
+static double normal(void) {
+    double r = sqrt(-2 * log(1 - uniform()));
+    return r * cos(2 * M_PI * uniform());
+}
+
+static arris_pose pose_at(double x, double y, double z, double omega, double theta, double kappa) {
+    arris_pose p = {.valid = true, .C = {x, y, z}};
+    arris_rotation(omega, theta, kappa, p.R);
+    return p;
+}
+
+/* Frame i of n on a straight path of 4.1 mm steps in x; on an arc that looks at the middle. */
+static arris_pose on_path(int i, int n) {
+    return pose_at((i - (n - 1) / 2.0) * 4.1, 0, 0, 0, 0, 0);
+}
+
+static arris_pose on_arc(int i, int n) {
+    double t = (i - (n - 1) / 2.0) / n;
+    return pose_at(800 * sin(t), 20 * t, 800 - 800 * cos(t), 0.2 * t, -t, 0.3 + t);
+}
+
+/* Narrows w[0]..w[1] to where from + w (to - from) is within 0..size. */
+static void clip(double from, double to, double size, double w[2]) {
+    if (from == to)
+        return;
+    double w0 = -from / (to - from), w1 = (size - from) / (to - from);
+    w[0] = fmax(w[0], fmin(w0, w1));
+    w[1] = fmin(w[1], fmax(w0, w1));
+}
+
+/* The picture of the edge from a to b, as far as it is in the picture; both ends are in front. */
+static bool project(const edge *e, const arris_pose *pose, double a[2], double b[2]) {
+    double w[2] = {0, 1}, p[2], q[2];
+    assert_true(arris_project(&camera, pose, e->p, &p[0], &p[1]) > 0);
+    assert_true(arris_project(&camera, pose, e->q, &q[0], &q[1]) > 0);
+    clip(p[0], q[0], 319, w);
+    clip(p[1], q[1], 239, w);
+    for (int i = 0; i < 2; i++) {
+        a[i] = p[i] + w[0] * (q[i] - p[i]);
+        b[i] = p[i] + w[1] * (q[i] - p[i]);
+    }
+    return w[1] > w[0];
+}
+
+/* The segment that a detector finds, its offset noise `sigma` px for 100 px of length, its angle as
+ * that of a fitted line, its ends scattered by `scatter` px along it. */
+static bool detect(const edge *e, const arris_pose *pose, double sigma, double scatter,
+                   arris_segment *s) {
+    double a[2], b[2];
+    if (!project(e, pose, a, b))
+        return false;
+    double dx = b[0] - a[0], dy = b[1] - a[1], length = hypot(dx, dy);
+    if (length < 10)
+        return false;
+    dx /= length, dy /= length;
+    double var = sigma * sigma * 100 / length, offset = sqrt(var) * normal();
+    double turn = sqrt(12 * var) / length * normal();
+    double first = scatter * normal(), last = scatter * normal();
+    *s = (arris_segment){.x1 = a[0] + first * dx - (offset - turn * length / 2) * dy,
+                         .y1 = a[1] + first * dy + (offset - turn * length / 2) * dx,
+                         .x2 = b[0] + last * dx - (offset + turn * length / 2) * dy,
+                         .y2 = b[1] + last * dy + (offset + turn * length / 2) * dx,
+                         .cov = {var, 0, 12 * var / (length * length)}};
+    return true;
+}
+
+static bool see(const edge *e, const arris_pose *pose, double sigma, view *v) {
+    arris_segment s;
+    return detect(e, pose, sigma, 0, &s) && view_make(v, &s, &camera, pose, picture) == 0;
+}
+
+/* ---- the truth in an estimate's terms -------------------------------------------------------- */
+
+/* The offsets of the true edge from the frame's reference, where x is those of the estimate. */
+static void truth_in_frame(const edge *e, const frame *f, double x[4]) {
+    double u[3], d[3];
+    for (int i = 0; i < 3; i++)
+        u[i] = e->q[i] - e->p[i], d[i] = e->p[i] - f->X[i];
+    for (int k = 0; k < 2; k++) {
+        double t = ((k ? f->h : -f->h) - arris_dot(d, f->u)) / arris_dot(u, f->u);
+        double P[3] = {d[0] + t * u[0], d[1] + t * u[1], d[2] + t * u[2]};
+        x[2 * k] = arris_dot(P, f->a);
+        x[2 * k + 1] = arris_dot(P, f->b);
+    }
+}
+
+static void error_of(const line *l, const edge *e, double d[4]) {
+    truth_in_frame(e, &l->f, d);
+    for (int i = 0; i < 4; i++)
+        d[i] = l->x[i] - d[i];
+}
+
+/* Distance of a point from the edge's line, mm. */
+static double off(const edge *e, const double P[3]) {
+    double u[3], d[3], c[3];
+    for (int i = 0; i < 3; i++)
+        u[i] = e->q[i] - e->p[i], d[i] = P[i] - e->p[i];
+    arris_unit(u);
+    arris_cross(u, d, c);
+    return sqrt(arris_dot(c, c));
+}
+
+static double off_at_ends(const line *l, const edge *e) {
+    double P[3], Q[3];
+    frame_point(&l->f, l->x, -1, P);
+    frame_point(&l->f, l->x, 1, Q);
+    return fmax(off(e, P), off(e, Q));
+}
+
+/* ---- the Cramér-Rao bound, from projection alone ----------------------------------------------
+ */
+
+/* Adds the information of one view: the distances of the moved edge's picture from that of the
+ * edge, at the places where the edge's picture ends. */
+static void add_information(mat4 *F, const edge *e, const frame *f, const double x[4],
+                            const arris_pose *pose, double sigma) {
+    double a[2], b[2], J[2][4], h = 1e-4;
+    if (!project(e, pose, a, b))
+        return;
+    double dx = b[0] - a[0], dy = b[1] - a[1], length = hypot(dx, dy);
+    for (int k = 0; k < 4; k++) {
+        double y[4] = {x[0], x[1], x[2], x[3]}, c[2], d[2], r[2];
+        edge m;
+        y[k] += h;
+        frame_point(f, y, -1, m.p);
+        frame_point(f, y, 1, m.q);
+        project(&m, pose, c, d);
+        double slope =
+            ((d[1] - c[1]) * dx - (d[0] - c[0]) * dy) / ((d[0] - c[0]) * dx + (d[1] - c[1]) * dy);
+        for (int i = 0; i < 2; i++) { /* at a, then b: right of the edge's picture */
+            double ax = (i ? b : a)[0] - c[0], ay = (i ? b : a)[1] - c[1];
+            r[i] = slope * (ax * dx + ay * dy) / length - (ay * dx - ax * dy) / length;
+        }
+        J[0][k] = (r[0] + r[1]) / 2 / h;      /* offset */
+        J[1][k] = (r[1] - r[0]) / length / h; /* angle */
+    }
+    double var = sigma * sigma * 100 / length, weight[2] = {1 / var, length * length / (12 * var)};
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            F->m[i][j] += weight[0] * J[0][i] * J[0][j] + weight[1] * J[1][i] * J[1][j];
+}
+
+/* ---- one line -------------------------------------------------------------------------------- */
+
+typedef arris_pose path(int i, int n);
+
+static const edge upright = {{-20, -90, 720}, {35, 80, 690}};
+static const edge steep = {{-60, -70, 640}, {-20, 60, 900}}; /* goes into the depth */
+
+static void fit_noiseless(const edge *e, path *where, int n) {
+    line l;
+    linear r;
+    line_begin(&l, 0);
+    for (int i = 0; i < n; i++) {
+        arris_pose pose = where(i, n);
+        arris_segment s;
+        view v;
+        if (!detect(e, &pose, 0, 0, &s))
+            continue;
+        s.cov[0] = 1e-2, s.cov[2] = 1e-5;
+        assert_int_equal(view_make(&v, &s, &camera, &pose, picture), 0);
+        line_add(&l, &v, &known, &r);
+    }
+    line_refine(&l, &known);
+    assert_true(l.settled);
+    assert_true(line_observable(&l));
+    assert_true(off_at_ends(&l, e) < 1e-9);
+    assert_true(sqrt(l.all.squares / (2.0 * l.all.n)) < 1e-9);
+}
+
+static void exact_planes_give_the_line(void **state) {
+    (void)state;
+    seed = 1;
+    fit_noiseless(&upright, on_path, 40);
+    fit_noiseless(&steep, on_path, 40);
+    fit_noiseless(&upright, on_arc, 40);
+    fit_noiseless(&steep, on_arc, 40);
+    fit_noiseless(&steep, on_arc, 130); /* some views are summed up, no longer kept */
+}
+
+static void two_views_give_the_line(void **state) {
+    (void)state;
+    view v[2];
+    line l;
+    linear r;
+    for (int k = 0; k < 2; k++) {
+        arris_pose pose = on_arc(k * 30, 31);
+        assert_true(see(&steep, &pose, 1e-9, &v[k]));
+    }
+    line_begin(&l, 0);
+    line_add(&l, &v[0], &known, &r);
+    line_add(&l, &v[1], &known, &r);
+    assert_true(off_at_ends(&l, &steep) < 1e-5);
+}
+
+/* 500 trials of n views: the errors are what the covariance says and as small as they can be. */
+static void check_statistics(const edge *e, path *where, int n, double sigma) {
+    enum { TRIALS = 500 };
+    double nees = 0, squares[4] = {0}, bound[4] = {0};
+    for (int t = 0; t < TRIALS; t++) {
+        line l;
+        linear r;
+        mat4 F = {{{0}}}, V, inverse;
+        double d[4], x[4];
+        line_begin(&l, 0);
+        for (int i = 0; i < n; i++) {
+            arris_pose pose = where(i, n);
+            view v;
+            if (see(e, &pose, sigma, &v))
+                line_add(&l, &v, &known, &r);
+        }
+        line_refine(&l, &known);
+        error_of(&l, e, d);
+        truth_in_frame(e, &l.f, x);
+        for (int i = 0; i < n; i++) {
+            arris_pose pose = where(i, n);
+            add_information(&F, e, &l.f, x, &pose, sigma);
+        }
+        assert_true(mat4_invert(&F, &V) && mat4_invert(&l.cov, &inverse));
+        nees += mat4_form(&inverse, d, d) / 4 / TRIALS;
+        for (int k = 0; k < 4; k++)
+            squares[k] += d[k] * d[k], bound[k] += V.m[k][k];
+    }
+    print_message("    nees %.3f, error over the bound", nees);
+    for (int k = 0; k < 4; k++)
+        print_message(" %.3f", sqrt(squares[k] / bound[k]));
+    print_message("\n");
+    assert_true(nees > 0.8 && nees < 1.25);
+    for (int k = 0; k < 4; k++)
+        assert_true(sqrt(squares[k] / bound[k]) < 1.2);
+}
+
+static void errors_are_honest_and_at_the_bound(void **state) {
+    (void)state;
+    seed = 2;
+    check_statistics(&upright, on_path, 60, 0.1);
+    check_statistics(&steep, on_path, 60, 0.02);
+    check_statistics(&upright, on_arc, 60, 0.1);
+    check_statistics(&steep, on_arc, 40, 0.3);
+    check_statistics(&steep, on_arc, 200, 0.1);
+}
+
+/* The estimate view by view is that of all views at once. */
+static void incremental_is_batch(void **state) {
+    (void)state;
+    enum { N = LINE_KEPT };
+    line step, batch;
+    linear r;
+    seed = 3;
+    line_begin(&step, 0);
+    line_begin(&batch, 0);
+    batch.next_fit = UINT32_MAX;
+    for (int i = 0; i < N; i++) {
+        arris_pose pose = on_arc(i, N);
+        view v;
+        assert_true(see(&steep, &pose, 0.1, &v));
+        line_add(&step, &v, &known, &r);
+        line_add(&batch, &v, &known, &r);
+    }
+    line_fit(&batch, &known);
+    double P[3], e[4], running = 0;
+    edge found;
+    frame_point(&batch.f, batch.x, -1, found.p);
+    frame_point(&batch.f, batch.x, 1, found.q);
+    error_of(&step, &found, e);
+    for (int i = 0; i < 4; i++)
+        running = fmax(running, fabs(e[i]) / sqrt(step.cov.m[i][i]));
+    assert_true(running < 0.1); /* sigmas: as far as it may be from being linearised anew */
+    line_refine(&step, &known);
+    frame_point(&step.f, step.x, 1, P);
+    assert_true(off(&found, P) < 1e-6);
+    frame_point(&step.f, step.x, -1, P);
+    assert_true(off(&found, P) < 1e-6);
+}
+
+/* Every tenth segment is of another edge, 1 to 30 px off, from the first view on. */
+static void outliers_are_left_out(void **state) {
+    (void)state;
+    double squares = 0, stated = 0;
+    seed = 4;
+    for (int t = 0; t < 100; t++) {
+        line l;
+        linear r;
+        int bad = 0;
+        line_begin(&l, 0);
+        for (int i = 0; i < 60; i++) {
+            arris_pose pose = on_path(i, 60);
+            arris_segment s;
+            view v;
+            assert_true(detect(&upright, &pose, 0.1, 1, &s));
+            if (uniform() < 0.1) {
+                double shift = (1 + 29 * uniform()) * (uniform() < 0.5 ? 1 : -1);
+                s.x1 += shift, s.x2 += shift * (1 + 0.1 * normal());
+                bad++;
+            }
+            assert_int_equal(view_make(&v, &s, &camera, &pose, picture), 0);
+            line_add(&l, &v, &known, &r);
+        }
+        line_refine(&l, &known);
+        assert_true(l.settled && line_observable(&l));
+        assert_true(l.all.n + bad <= 61 && l.all.n + bad >= 57);
+        double d[4];
+        error_of(&l, &upright, d);
+        squares += (d[0] * d[0] + d[2] * d[2]) / 200; /* in depth, at both ends */
+        stated += (l.cov.m[0][0] + l.cov.m[2][2]) / 200;
+    }
+    print_message("    error %.3f mm, its sigma %.3f mm\n", sqrt(squares), sqrt(stated));
+    assert_true(squares < 1.3 * 1.3 * stated);
+}
+
+/* ---- a whole scan -----------------------------------------------------------------------------
+ */
+
+enum { MAX_LINES = 64 };
+
+static scan *new_scan(void) {
+    scan_params p = {.limit = -1, .max_lines = MAX_LINES, .min_views = 4};
+    scan *s = scan_new(&p);
+    assert_non_null(s);
+    return s;
+}
+
+static arris_lines *lines_of(scan *s) {
+    static arris_line item[MAX_LINES];
+    static arris_lines lines;
+    lines = (arris_lines){.max = MAX_LINES, .item = item};
+    scan_write(s, &lines);
+    return &lines;
+}
+
+static void assert_sound(const arris_lines *lines) {
+    for (uint32_t i = 0; i < lines->n; i++) {
+        const arris_line *l = &lines->item[i];
+        for (int k = 0; k < 3; k++)
+            assert_true(isfinite(l->p[k]) && isfinite(l->q[k]));
+        for (int k = 0; k < 21; k++)
+            assert_true(isfinite(l->cov[k]));
+        for (int k = 0, at = 0; k < 6; at += 6 - k++)
+            assert_true(l->cov[at] > 0);
+        assert_true(isfinite(l->rms) && isfinite(l->baseline));
+    }
+}
+
+/* Edge e as track `id` in this frame, when it is seen. */
+static void add(scan *s, int id, const edge *e, const arris_pose *true_pose, const arris_pose *pose,
+                double sigma) {
+    arris_segment g;
+    view v;
+    bool seen =
+        detect(e, true_pose, sigma, 1, &g) && view_make(&v, &g, &camera, pose, picture) == 0;
+    scan_add(s, id, seen ? &v : NULL);
+}
+
+/* One edge, turned by `degrees` from the motion in the picture's plane or in depth. */
+static enum arris_line_state state_at(double degrees, bool in_depth, double sigma) {
+    double t = degrees * M_PI / 180;
+    edge e = {
+        {-100 * cos(t), 30 - (in_depth ? 0 : 100 * sin(t)), 700 - (in_depth ? 100 * sin(t) : 0)},
+        {100 * cos(t), 30 + (in_depth ? 0 : 100 * sin(t)), 700 + (in_depth ? 100 * sin(t) : 0)}};
+    scan *s = new_scan();
+    enum arris_line_state state = ARRIS_UNOBSERVABLE;
+    for (int i = 0; i < 135; i++) {
+        arris_pose pose = on_path(i, 135);
+        add(s, 0, &e, &pose, &pose, sigma);
+        scan_end_frame(s, true);
+        arris_lines *lines = lines_of(s);
+        assert_sound(lines);
+        for (uint32_t k = 0; k < lines->n; k++)
+            if (degrees < 1)
+                assert_int_not_equal(lines->item[k].state, ARRIS_MEASURED);
+    }
+    scan_finish(s);
+    arris_lines *lines = lines_of(s);
+    assert_sound(lines);
+    assert_int_equal(lines->n, 1);
+    state = lines->item[0].state;
+    scan_free(s);
+    return state;
+}
+
+static void parallel_motion_is_refused(void **state) {
+    (void)state;
+    seed = 5;
+    for (int k = 0; k < 3; k++) {
+        double sigma = (double[]){0.003, 0.03, 0.3}[k];
+        for (int depth = 0; depth < 2; depth++) {
+            assert_int_equal(state_at(0, depth, sigma), ARRIS_UNOBSERVABLE);
+            assert_int_equal(state_at(0.1, depth, sigma), ARRIS_UNOBSERVABLE);
+            assert_int_equal(state_at(0.5, depth, sigma), ARRIS_UNOBSERVABLE);
+        }
+    }
+    assert_int_equal(state_at(4, false, 0.003), ARRIS_MEASURED);
+    assert_int_equal(state_at(15, false, 0.03), ARRIS_MEASURED);
+}
+
+static void few_views_claim_nothing(void **state) {
+    (void)state;
+    seed = 6;
+    for (int n = 0; n < 6; n++) {
+        scan *s = new_scan();
+        for (int i = 0; i < n; i++) {
+            arris_pose pose = on_path(i, n);
+            add(s, 0, &upright, &pose, &pose, 0.1);
+            scan_end_frame(s, true);
+        }
+        scan_finish(s);
+        arris_lines *lines = lines_of(s);
+        assert_sound(lines);
+        assert_in_range(lines->n, 0, n >= 4);
+        assert_int_equal(lines->frames, n);
+        for (uint32_t k = 0; k < lines->n; k++)
+            assert_int_not_equal(lines->item[k].state, ARRIS_MEASURED);
+        scan_free(s);
+    }
+}
+
+static void standing_still_is_unobservable(void **state) {
+    (void)state;
+    seed = 7;
+    scan *s = new_scan();
+    for (int i = 0; i < 300; i++) {
+        arris_pose pose = pose_at(12, -3, 5, 0.1, 0.05, -0.2);
+        add(s, 0, &upright, &pose, &pose, 0.1);
+        scan_end_frame(s, true);
+        assert_sound(lines_of(s));
+    }
+    assert_int_equal(lines_of(s)->n, 1);
+    assert_int_equal(lines_of(s)->item[0].state, ARRIS_UNOBSERVABLE);
+    for (int i = 0; i < 60; i++) { /* and then it moves */
+        arris_pose pose = pose_at(12 + 4 * i, -3, 5, 0.1, 0.05, -0.2);
+        add(s, 0, &upright, &pose, &pose, 0.1);
+        scan_end_frame(s, true);
+    }
+    scan_finish(s);
+    assert_int_equal(lines_of(s)->item[0].state, ARRIS_MEASURED);
+    assert_true(off(&upright, lines_of(s)->item[0].p) < 2);
+    scan_free(s);
+}
+
+/* The ends are those of the edge, also of one that is never in the picture as a whole. */
+static void ends_are_where_the_edge_ends(void **state) {
+    (void)state;
+    const edge edges[2] = {upright, {{-300, -60, 720}, {280, 40, 720}}};
+    seed = 8;
+    scan *s = new_scan();
+    for (int i = 0; i < 135; i++) {
+        arris_pose pose = on_path(i, 135);
+        for (int k = 0; k < 2; k++)
+            add(s, k, &edges[k], &pose, &pose, 0.03);
+        scan_end_frame(s, true);
+    }
+    scan_finish(s);
+    arris_lines *lines = lines_of(s);
+    assert_int_equal(lines->n, 2);
+    for (uint32_t k = 0; k < 2; k++) {
+        double d[2] = {0, 0};
+        for (int i = 0; i < 3; i++) {
+            d[0] += pow(lines->item[k].p[i] - edges[k].p[i], 2);
+            d[1] += pow(lines->item[k].q[i] - edges[k].q[i], 2);
+        }
+        assert_int_equal(lines->item[k].state, ARRIS_MEASURED);
+        print_message("    ends off by %.1f and %.1f mm\n", sqrt(d[0]), sqrt(d[1]));
+        assert_true(sqrt(d[0]) < 5 && sqrt(d[1]) < 5);
+    }
+    scan_free(s);
+}
+
+/* An edge whose track broke is one line; its neighbour and its opposite are lines of their own. */
+static void one_line_per_edge(void **state) {
+    (void)state;
+    edge neighbour = upright, opposite;
+    memcpy(opposite.p, upright.q, sizeof opposite.p);
+    memcpy(opposite.q, upright.p, sizeof opposite.q);
+    neighbour.p[0] += 8, neighbour.q[0] += 8;
+    seed = 9;
+    scan *s = new_scan();
+    int merged = 0;
+    for (int i = 0; i < 100; i++) {
+        arris_pose pose = on_path(i, 100);
+        add(s, i < 45 ? 0 : 3, &upright, &pose, &pose, 0.05);
+        add(s, 1, &neighbour, &pose, &pose, 0.05);
+        add(s, 2, &opposite, &pose, &pose, 0.05);
+        scan_end_frame(s, true);
+        arris_lines *lines = lines_of(s);
+        for (uint32_t k = 0; k < lines->n; k++)
+            if (lines->item[k].change == ARRIS_MERGED) {
+                assert_int_equal(lines->item[k].id, 3);
+                assert_int_equal(lines->item[k].into, 0);
+                merged++;
+            }
+    }
+    scan_finish(s);
+    arris_lines *lines = lines_of(s);
+    assert_int_equal(merged, 1);
+    assert_int_equal(lines->n, 3);
+    for (uint32_t k = 0; k < 3; k++) {
+        assert_int_equal(lines->item[k].id, k);
+        assert_int_equal(lines->item[k].state, ARRIS_MEASURED);
+        assert_in_range(lines->item[k].views, 95, 100);
+    }
+    scan_free(s);
+}
+
+/* Ten sweeps there and back, every one with new tracks: the lines are those of the three edges, one
+ * of them parallel to the motion. What is only glimpsed in a sweep is told of and retired. */
+static void sweeps_fuse(void **state) {
+    (void)state;
+    const edge edges[3] = {
+        upright, {{60, -60, 800}, {90, 60, 780}}, {{-50, 40, 750}, {80, 40, 750}}};
+    int retired = 0, id = 0;
+    seed = 14;
+    scan *s = new_scan();
+    for (int sweep = 0; sweep < 10; sweep++, id += 4)
+        for (int i = 0; i < 60; i++) {
+            arris_pose pose = on_path(sweep % 2 ? 59 - i : i, 60);
+            for (int k = 0; k < 3; k++)
+                add(s, id + k, &edges[k], &pose, &pose, 0.05);
+            edge glimpse = {{-50, -80 + 9.0 * sweep, 700}, {80, -80 + 9.0 * sweep, 700}};
+            if (i < 7)
+                add(s, id + 3, &glimpse, &pose, &pose, 0.05);
+            scan_end_frame(s, true);
+            arris_lines *lines = lines_of(s);
+            assert_sound(lines);
+            for (uint32_t k = 0; k < lines->n; k++)
+                retired += lines->item[k].change == ARRIS_RETIRED;
+        }
+    scan_finish(s);
+    arris_lines *lines = lines_of(s);
+    assert_int_equal(lines->n, 3);
+    assert_int_equal(lines->lost, 0);
+    for (uint32_t k = 0; k < 3; k++) {
+        assert_int_equal(lines->item[k].id, k);
+        assert_int_equal(lines->item[k].state, k < 2 ? ARRIS_MEASURED : ARRIS_UNOBSERVABLE);
+    }
+    assert_int_equal(retired, 10);
+    scan_free(s);
+}
+
+static void changes_are_told(void **state) {
+    (void)state;
+    int count[5] = {0};
+    seed = 10;
+    scan *s = new_scan();
+    for (int i = 0; i < 120; i++) {
+        arris_pose pose = on_path(i < 100 ? i : 99, 100);
+        scan_add(s, 0, NULL);
+        if (i < 100)
+            add(s, 0, &upright, &pose, &pose, 0.05);
+        scan_end_frame(s, true);
+        arris_lines *lines = lines_of(s);
+        for (uint32_t k = 0; k < lines->n; k++) {
+            count[lines->item[k].change]++;
+            assert_true(i < 100 || lines->item[k].change == ARRIS_SAME);
+        }
+    }
+    assert_int_equal(count[ARRIS_ADDED], 1);
+    assert_in_range(count[ARRIS_MOVED], 5, 60);
+    assert_true(count[ARRIS_SAME] > 50);
+    scan_free(s);
+}
+
+/* More edges than there is room for: the rest is counted, and what is measured stays. */
+static void a_full_scan_counts(void **state) {
+    (void)state;
+    scan_params p = {.limit = -1, .max_lines = 4, .min_views = 4};
+    scan *s = scan_new(&p);
+    seed = 11;
+    for (int i = 0; i < 60; i++) {
+        arris_pose pose = on_path(i, 60);
+        for (int k = 0; k < 7; k++) {
+            edge e = upright;
+            e.p[0] += 15 * k - 45, e.q[0] += 15 * k - 45;
+            add(s, k, &e, &pose, &pose, 0.05);
+        }
+        scan_end_frame(s, true);
+    }
+    scan_finish(s);
+    assert_int_equal(lines_of(s)->n, 4);
+    assert_true(lines_of(s)->lost >= 3);
+    scan_free(s);
+}
+
+/* ---- the noise of the poses --------------------------------------------------------------------
+ */
+
+/* Adds d' C^-1 d / 2 at the end p, d the distance across the line from the true edge. */
+static void add_nees(const arris_line *l, const edge *e, double nees[2]) {
+    double u[3], v[3], d[3], n[2][3], C[2][2] = {{0}}, r[2];
+    static const int at[3][3] = {{0, 1, 2}, {1, 6, 7}, {2, 7, 11}};
+    for (int i = 0; i < 3; i++)
+        u[i] = l->q[i] - l->p[i], v[i] = e->q[i] - e->p[i];
+    for (int i = 0; i < 3; i++) /* from p to the edge, within the plane across the line */
+        d[i] =
+            e->p[i] - l->p[i] + v[i] * (arris_dot(l->p, u) - arris_dot(e->p, u)) / arris_dot(v, u);
+    arris_cross(u, (double[]){1, 0, 0}, n[0]);
+    arris_cross(u, n[0], n[1]);
+    for (int a = 0; a < 2; a++) {
+        arris_unit(n[a]);
+        r[a] = arris_dot(n[a], d);
+    }
+    for (int a = 0; a < 2; a++)
+        for (int b = 0; b < 2; b++)
+            for (int i = 0; i < 3; i++)
+                for (int j = 0; j < 3; j++)
+                    C[a][b] += n[a][i] * l->cov[at[i][j]] * n[b][j];
+    double det = C[0][0] * C[1][1] - C[0][1] * C[1][0];
+    nees[0] +=
+        (C[1][1] * r[0] * r[0] - 2 * C[0][1] * r[0] * r[1] + C[0][0] * r[1] * r[1]) / det / 2;
+    nees[1] += 1;
+}
+
+/* A scan of upright edges whose reported poses are off by sigma, correlated over frames by rho.
+ * nees is the sum over the lines, and their number. */
+static void scan_with_jitter(double sigma, double rho, double *found, double nees[2]) {
+    enum { EDGES = 9, FRAMES = 100 };
+    double d[3] = {0, 0, 0};
+    scan *s = new_scan();
+    edge e[EDGES];
+    for (int k = 0; k < EDGES; k++)
+        for (int i = 0; i < 3; i++)
+            e[k].p[i] = upright.p[i] + (i ? 25.0 * (k % 3) : 40 * k - 160.0),
+            e[k].q[i] = upright.q[i] + (i ? 25.0 * (k % 3) : 30 * k - 120.0);
+    for (int i = 0; i < FRAMES; i++) {
+        arris_pose pose = on_path(i, FRAMES), at = pose;
+        for (int k = 0; k < 3; k++) {
+            d[k] = rho * d[k] + sqrt(1 - rho * rho) * sigma * normal();
+            at.C[k] += d[k];
+        }
+        for (int k = 0; k < EDGES; k++)
+            add(s, k, &e[k], &at, &pose, 0.02);
+        scan_end_frame(s, true);
+    }
+    scan_finish(s);
+    arris_lines *lines = lines_of(s);
+    *found = lines->pose_sigma;
+    for (uint32_t n = 0; n < lines->n; n++)
+        if (lines->item[n].state == ARRIS_MEASURED)
+            add_nees(&lines->item[n], &e[lines->item[n].id], nees);
+    scan_free(s);
+}
+
+static void pose_noise_is_estimated(void **state) {
+    (void)state;
+    double sum[3] = {0}, found, nees[3][2] = {{0}};
+    const double sigma[3] = {0, 0.2, 0.2}, rho[3] = {0, 0, 0.7};
+    seed = 12;
+    for (int t = 0; t < 40; t++)
+        for (int k = 0; k < 3; k++) {
+            scan_with_jitter(sigma[k], rho[k], &found, nees[k]);
+            sum[k] += found / 40;
+        }
+    for (int k = 0; k < 3; k++)
+        print_message("    sigma %.2f mm, correlation %.1f: found %.3f mm, nees %.2f (%.0f)\n",
+                      sigma[k], rho[k], sum[k], nees[k][0] / nees[k][1], nees[k][1]);
+    assert_true(sum[0] < 0.02);
+    assert_true(sum[1] > 0.16 && sum[1] < 0.24);
+    assert_true(sum[2] > 0.14 && sum[2] < 0.24);
+    for (int k = 0; k < 3; k++)
+        assert_true(nees[k][0] / nees[k][1] > 0.4 && nees[k][0] / nees[k][1] < 2);
+}
+
+/* ---- segments ----------------------------------------------------------------------------------
+ */
+
+/* End points in the picture of a lens give the view that ideal ones give. */
+static void a_lens_is_taken_out(void **state) {
+    (void)state;
+    arris_camera lens = camera;
+    lens.k1 = -0.26, lens.k2 = 0.2, lens.p1 = 1e-3;
+    arris_pose pose = on_arc(3, 20);
+    arris_segment ideal, bent;
+    view a, b;
+    seed = 13;
+    assert_true(detect(&upright, &pose, 0.01, 0, &ideal));
+    bent = ideal;
+    arris_distort(&lens, ideal.x1, ideal.y1, &bent.x1, &bent.y1);
+    arris_distort(&lens, ideal.x2, ideal.y2, &bent.x2, &bent.y2);
+    assert_int_equal(view_make(&a, &ideal, &camera, &pose, picture), 0);
+    assert_int_equal(view_make(&b, &bent, &lens, &pose, picture), 0);
+    for (int i = 0; i < 3; i++)
+        assert_true(fabs(a.plane[i] - b.plane[i]) < 1e-6);
+}
+
+static void bad_segments_are_refused(void **state) {
+    (void)state;
+    arris_pose pose = on_path(0, 1);
+    view v;
+    arris_segment good = {.x1 = 10, .y1 = 10, .x2 = 100, .y2 = 50, .cov = {1e-4, 0, 1e-7}};
+    assert_int_equal(view_make(&v, &good, &camera, &pose, picture), 0);
+    for (int k = 0; k < 6; k++) {
+        arris_segment s = good;
+        double *field[] = {&s.x1, &s.y2, &s.cov[0], &s.cov[2], &s.cov[1], &s.x2};
+        *field[k] = k < 5 ? (double)NAN : (double)INFINITY;
+        assert_int_equal(view_make(&v, &s, &camera, &pose, picture), ARRIS_E_INPUT);
+    }
+    good.x2 = good.x1, good.y2 = good.y1;
+    assert_int_equal(view_make(&v, &good, &camera, &pose, picture), ARRIS_E_INPUT);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(exact_planes_give_the_line),
+        cmocka_unit_test(two_views_give_the_line),
+        cmocka_unit_test(errors_are_honest_and_at_the_bound),
+        cmocka_unit_test(incremental_is_batch),
+        cmocka_unit_test(outliers_are_left_out),
+        cmocka_unit_test(parallel_motion_is_refused),
+        cmocka_unit_test(few_views_claim_nothing),
+        cmocka_unit_test(standing_still_is_unobservable),
+        cmocka_unit_test(ends_are_where_the_edge_ends),
+        cmocka_unit_test(one_line_per_edge),
+        cmocka_unit_test(sweeps_fuse),
+        cmocka_unit_test(changes_are_told),
+        cmocka_unit_test(a_full_scan_counts),
+        cmocka_unit_test(pose_noise_is_estimated),
+        cmocka_unit_test(a_lens_is_taken_out),
+        cmocka_unit_test(bad_segments_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,362 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * test_track.c: the box tracker on lines that move as lines in a picture do: they cross, break,
+ * come and go, and the camera stops, turns back, or skips a frame.
+ */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "../plugins/track/tracker.h"
+
+enum { MOST = 20000 };
+
+static arris_segment item[MOST];
+static arris_track found[MOST];
+static arris_segments segments;
+static arris_tracks tracks;
+static uint64_t seed;
+
+static double uniform(void) {
+    seed ^= seed >> 12, seed ^= seed << 25, seed ^= seed >> 27;
+    return (double)((seed * 2685821657736338717u) >> 11) / 9007199254740992.0;
+}
+
+static double normal(void) {
+    double r = sqrt(-2 * log(1 - uniform()));
+    return r * cos(2 * M_PI * uniform());
+}
+
+static tracker *begin(int32_t max_tracks) {
+    tracker *t = tracker_new(&(tracker_params){.box = 5, .max_gap = 5, .max_tracks = max_tracks});
+    assert_non_null(t);
+    segments = (arris_segments){.max = MOST, .item = item};
+    tracks = (arris_tracks){.max = MOST, .item = found};
+    return t;
+}
+
+/* Adds a segment as a detector finds it: 0.1 px off across the line, 1.5 px along it. */
+static void put(double x1, double y1, double x2, double y2) {
+    double length = hypot(x2 - x1, y2 - y1), ux = (x2 - x1) / length, uy = (y2 - y1) / length;
+    double a = 1.5 * normal(), b = 1.5 * normal(), c = 0.1 * normal(), d = 0.1 * normal();
+    item[segments.n++] = (arris_segment){.x1 = x1 + a * ux - c * uy,
+                                         .y1 = y1 + a * uy + c * ux,
+                                         .x2 = x2 + b * ux - d * uy,
+                                         .y2 = y2 + b * uy + d * ux};
+}
+
+static void run(tracker *t) {
+    tracker_run(t, &segments, &tracks);
+    segments.n = 0;
+}
+
+/* The id of the track that has the segment, or -1. */
+static int32_t track_of(int32_t segment) {
+    for (uint32_t i = 0; i < tracks.n; i++)
+        if (found[i].segment == segment)
+            return found[i].id;
+    return -1;
+}
+
+/* Every segment has one track, ids ascend, and none was used before it was started. */
+static void assert_sound(uint32_t n_segments) {
+    uint32_t seen = 0;
+    for (uint32_t i = 0; i < tracks.n; i++) {
+        assert_true(i == 0 || found[i].id > found[i - 1].id);
+        assert_in_range(found[i].id, 0, tracks.total - 1);
+        seen += found[i].segment >= 0;
+    }
+    assert_int_equal(seen, n_segments);
+}
+
+/* ---- what the camera does -----------------------------------------------------------------------
+ */
+
+/* Twelve lines, in pairs 3 to 8 px apart of the same polarity, that move by 2.3 px a step, less
+ * when they are far. The segment of line k is k. */
+static void scene(double steps) {
+    for (int k = 0; k < 12; k++) {
+        double apart = 3 + k / 2, speed = 2.3 - 0.1 * (k / 2), slope = 5.0 * (k / 2 - 3);
+        double x = 30 + 45 * (k / 2) + (k % 2) * apart + speed * steps;
+        put(x, 40 + k, x + slope, 180 - 3 * k);
+    }
+}
+
+/* Frame i is taken at the i-th of these places, in steps; every track stays with its line. */
+static void follow(const double *places, int n) {
+    tracker *t = begin(100);
+    for (int i = 0; i < n; i++) {
+        scene(places[i]);
+        run(t);
+        assert_sound(12);
+        for (int k = 0; k < 12; k++)
+            assert_int_equal(track_of(k), k);
+    }
+    assert_int_equal(tracks.total, 12);
+    tracker_free(t);
+}
+
+static void pairs_do_not_swap(void **state) {
+    (void)state;
+    double at_once[40], softly[40] = {0};
+    for (seed = 1; seed < 20; seed++) {
+        for (int i = 0; i < 40; i++) {
+            at_once[i] = i;
+            softly[i] = i ? softly[i - 1] + fmin(1, 0.25 * i) : 0;
+        }
+        follow(at_once, 40);
+        follow(softly, 40);
+    }
+}
+
+static void motion_reverses(void **state) {
+    (void)state;
+    double places[40];
+    for (seed = 1; seed < 20; seed++) {
+        for (int i = 0; i < 40; i++)
+            places[i] = i < 20 ? i : 38 - i;
+        follow(places, 40);
+    }
+}
+
+static void motion_stops_and_goes_on(void **state) {
+    (void)state;
+    double places[60];
+    for (seed = 1; seed < 20; seed++) {
+        for (int i = 0; i < 60; i++)
+            places[i] = i < 15 ? i : i < 45 ? 14 : i - 30;
+        follow(places, 60);
+    }
+}
+
+static void frames_are_doubled_and_dropped(void **state) {
+    (void)state;
+    double places[60], at;
+    for (seed = 1; seed < 20; seed++) {
+        at = 0;
+        for (int i = 0; i < 60; i++) {
+            places[i] = at;
+            at += i < 3 ? 1 : i % 7 == 0 ? 0 : i % 11 == 0 ? 2 : 1;
+        }
+        follow(places, 60);
+    }
+}
+
+static void fast_motion_is_found(void **state) {
+    (void)state;
+    double places[20];
+    for (seed = 1; seed < 20; seed++)
+        for (int k = -1; k <= 1; k += 2) {
+            for (int i = 0; i < 20; i++)
+                places[i] = 7.5 * k * i; /* 17 px a frame, three times the box */
+            follow(places, 20);
+        }
+}
+
+/* ---- what lines do ------------------------------------------------------------------------------
+ */
+
+static void crossing_lines_keep_their_tracks(void **state) {
+    (void)state;
+    seed = 2;
+    tracker *t = begin(100);
+    for (int i = 0; i < 60; i++) { /* one goes right, one left, through each other */
+        put(100 + 1.5 * i, 20, 140 + 1.5 * i, 200);
+        put(220 - 1.2 * i, 20, 170 - 1.2 * i, 200);
+        run(t);
+        assert_sound(2);
+        assert_int_equal(track_of(0), 0);
+        assert_int_equal(track_of(1), 1);
+    }
+    tracker_free(t);
+}
+
+static void gaps_are_filled(void **state) {
+    (void)state;
+    seed = 3;
+    tracker *t = begin(100);
+    for (int i = 0; i < 60; i++) {
+        bool hidden = (i >= 20 && i < 25) || (i >= 40 && i < 46); /* 5 frames, then 6 */
+        if (!hidden)
+            put(50 + 2 * i, 30, 60 + 2 * i, 180);
+        run(t);
+        assert_int_equal(tracks.n, i == 45 ? 0 : 1);
+        if (i < 45)
+            assert_int_equal(found[0].id, 0);
+        if (i < 45)
+            assert_int_equal(found[0].segment, hidden ? -1 : 0);
+        if (i > 45)
+            assert_int_equal(track_of(0), 1); /* a new one: ids are not used again */
+    }
+    tracker_free(t);
+}
+
+static void new_lines_are_added(void **state) {
+    (void)state;
+    seed = 4;
+    tracker *t = begin(100);
+    for (int i = 0; i < 40; i++) {
+        for (int k = 0; k <= i / 10; k++)
+            put(40 + 50 * k + 2 * i, 30, 30 + 50 * k + 2 * i, 150);
+        run(t);
+        assert_sound((uint32_t)i / 10 + 1);
+        assert_int_equal(tracks.total, i / 10 + 1);
+    }
+    tracker_free(t);
+}
+
+/* A line that enters the picture grows, and leaving it shrinks, by more than the box. */
+static void lines_enter_and_leave(void **state) {
+    (void)state;
+    seed = 5;
+    tracker *t = begin(100);
+    for (int i = 0; i < 70; i++) { /* 30 degrees from the motion, 8 px a frame, seen in 0..319 */
+        double x1 = 330 - 8 * i, x2 = x1 + 160, y = 60;
+        double w0 = fmax(0, -x1 / (x2 - x1)), w1 = fmin(1, (319 - x1) / (x2 - x1));
+        if ((w1 - w0) * 160 < 15)
+            continue;
+        put(x1 + 160 * w0, y + 92 * w0, x1 + 160 * w1, y + 92 * w1);
+        run(t);
+        assert_sound(1);
+        assert_int_equal(track_of(0), 0);
+    }
+    tracker_free(t);
+}
+
+/* A segment that breaks in two: the track stays with one part and is whole again afterwards. */
+static void broken_segments_rejoin(void **state) {
+    (void)state;
+    seed = 6;
+    tracker *t = begin(100);
+    for (int i = 0; i < 30; i++) {
+        double x = 80 + 2 * i;
+        bool broken = i >= 10 && i < 14;
+        put(x, 20, x + (broken ? 15 : 30), broken ? 110 : 200);
+        if (broken)
+            put(x + 16.3, 118, x + 30, 200);
+        run(t);
+        assert_int_equal(track_of(0), 0);
+        if (broken)
+            assert_int_equal(track_of(1), 1);
+    }
+    tracker_free(t);
+}
+
+static void polarity_tells_edges_apart(void **state) {
+    (void)state;
+    seed = 7;
+    tracker *t = begin(100);
+    for (int i = 0; i < 30; i++) { /* a stripe of 2 px: its sides are of opposite polarity */
+        put(60 + 2 * i, 30, 70 + 2 * i, 180);
+        put(72 + 2 * i, 180, 62 + 2 * i, 30);
+        run(t);
+        assert_int_equal(track_of(0), 0);
+        assert_int_equal(track_of(1), 1);
+    }
+    tracker_free(t);
+}
+
+static void nothing_is_found_in_noise(void **state) {
+    (void)state;
+    seed = 8;
+    tracker *t = begin(1000);
+    int longest[4000] = {0};
+    for (int i = 0; i < 50; i++) {
+        for (int k = 0; k < 30; k++) {
+            double x = 320 * uniform(), y = 240 * uniform(), a = 2 * M_PI * uniform();
+            put(x, y, x + 20 * cos(a), y + 20 * sin(a));
+        }
+        run(t);
+        assert_sound(30);
+        for (uint32_t k = 0; k < tracks.n; k++)
+            longest[found[k].id] += found[k].segment >= 0;
+    }
+    for (uint32_t k = 0; k < tracks.total; k++)
+        assert_in_range(longest[k], 1, 5);
+    tracker_free(t);
+}
+
+/* ---- bounds -------------------------------------------------------------------------------------
+ */
+
+/* Ten thousand segments that all move: all are followed, and what exceeds the room is counted. */
+static void ten_thousand(int32_t room, uint32_t lost) {
+    tracker *t = begin(room);
+    seed = 9;
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 10000; k++) {
+            double x = 40 * (k % 100) + 2 * i, y = 40 * (k / 100);
+            put(x, y, x + 12, y + 28);
+        }
+        run(t);
+        assert_int_equal(tracks.n, 10000 - lost);
+        assert_int_equal(tracks.lost, lost);
+        assert_sound(10000 - lost);
+    }
+    assert_int_equal(tracks.total, 10000 - lost);
+    tracker_free(t);
+}
+
+static void many_segments_are_bounded(void **state) {
+    (void)state;
+    ten_thousand(10000, 0);
+    ten_thousand(3000, 7000);
+}
+
+/* The layer is smaller than the tracker. */
+static void a_small_layer_truncates(void **state) {
+    (void)state;
+    seed = 10;
+    tracker *t = begin(100);
+    tracks.max = 3;
+    scene(0);
+    run(t);
+    assert_int_equal(tracks.n, 3);
+    assert_int_equal(tracks.lost, 9);
+    assert_int_equal(tracks.total, 12);
+    tracker_free(t);
+}
+
+static void points_and_nan_start_nothing_that_lasts(void **state) {
+    (void)state;
+    tracker *t = begin(10);
+    for (int i = 0; i < 20; i++) {
+        item[0] = (arris_segment){.x1 = (double)NAN, .y1 = 1, .x2 = 30, .y2 = 4};
+        item[1] = (arris_segment){.x1 = 20, .y1 = 20, .x2 = 20, .y2 = 20};
+        item[2] = (arris_segment){.x1 = 50, .y1 = 20, .x2 = 50, .y2 = 90};
+        segments.n = 3;
+        run(t);
+        assert_true(tracks.n <= 10);
+        assert_true(track_of(2) >= 0);
+    }
+    for (uint32_t k = 0; k < tracks.n; k++)
+        assert_true(found[k].segment == 2 || found[k].id > 2);
+    tracker_free(t);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(pairs_do_not_swap),
+        cmocka_unit_test(motion_reverses),
+        cmocka_unit_test(motion_stops_and_goes_on),
+        cmocka_unit_test(frames_are_doubled_and_dropped),
+        cmocka_unit_test(fast_motion_is_found),
+        cmocka_unit_test(crossing_lines_keep_their_tracks),
+        cmocka_unit_test(gaps_are_filled),
+        cmocka_unit_test(new_lines_are_added),
+        cmocka_unit_test(lines_enter_and_leave),
+        cmocka_unit_test(broken_segments_rejoin),
+        cmocka_unit_test(polarity_tells_edges_apart),
+        cmocka_unit_test(nothing_is_found_in_noise),
+        cmocka_unit_test(many_segments_are_bounded),
+        cmocka_unit_test(a_small_layer_truncates),
+        cmocka_unit_test(points_and_nan_start_nothing_that_lasts),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
