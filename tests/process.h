@@ -19,10 +19,10 @@ enum { MAX_WORDS = 64, LIMIT_S = 120 /* after which a program is taken to hang *
 
 typedef struct process {
     pid_t pid;
-    int fd[2];           /* where its standard output and standard error go */
-    int code;            /* of its exit; 128 + the signal's number when that ended it */
-    char *text[2];       /* what it wrote; for process_free */
-    char *out, *err;     /* the same two by name */
+    int fd[2];       /* where its standard output and standard error go */
+    int code;        /* of its exit; 128 + the signal's number when that ended it */
+    char *text[2];   /* what it wrote; for process_free */
+    char *out, *err; /* the same two by name */
 } process;
 
 static inline const char *arris_path(void) {

@@ -1,3 +1,16 @@
 # What the test programs link beside core and the plugin of their own name.
-valgrind_tests :=
-test-parts:
+valgrind_tests := image
+test-parts: $(B)/report
+bench_runtime_PKGS := gstreamer-1.0
+fuzz_frames_uses := image
+fuzz_decode_uses := image
+
+# The runtime's tests load plugins and preload a library that are made for them. Their stages call
+# the runtime that the test itself is linked with.
+test_core_LIBS := -rdynamic
+test_shared := $(patsubst %.c,$(B)/%.so,$(wildcard tests/plugins/*.c tests/preload/*.c))
+test-parts: $(test_shared)
+$(test_shared): $(B)/tests/%.so: $(B)/obj/tests/%.c.o
+	@mkdir -p $(@D)
+	$(call say,MAKE,$@)
+	$(Q)$(CC) -shared -o $@ $< $(ldflags) -ldl
