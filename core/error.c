@@ -45,6 +45,8 @@ static int fill(arris_error *err, int code, const char *hint, const char *format
     err->code = code;
     err->column = -1;
     vsnprintf(err->text, sizeof err->text, format, ap);
+    for (char *c = err->text; *c; c++) /* as of a name in the line, which may be anything */
+        *c = (unsigned char)*c < ' ' ? ' ' : *c;
     snprintf(err->hint, sizeof err->hint, "%s", hint ? hint : "");
     return code;
 }

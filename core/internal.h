@@ -143,8 +143,20 @@ void layer_reset(enum arris_layer layer, void *data);
 /* ---- clock.c -----------------------------------------------------------------------------------
  */
 
-/* The cheapest monotonic counter of the machine, and its length in ns (measured since start-up). */
-uint64_t clock_ticks(void);
+/* The cheapest monotonic counter of the machine. Stages are timed by it, since clock_gettime alone
+ * would cost more than passing a frame on. */
+static inline uint64_t clock_ticks(void) {
+#if defined(__x86_64__)
+    return __builtin_ia32_rdtsc();
+#elif defined(__aarch64__)
+    uint64_t t;
+    __asm__ volatile("mrs %0, cntvct_el0" : "=r"(t));
+    return t;
+#else
+    return (uint64_t)arris_now();
+#endif
+}
+/* The length of a tick in ns, measured since start-up. */
 double clock_ns_per_tick(void);
 
 /* ---- histogram.c: log-linear, 1/16 resolution, one writer ---------------------------------------
@@ -153,9 +165,29 @@ double clock_ns_per_tick(void);
 enum { HISTOGRAM_BUCKETS = 61 * 16 };
 typedef struct histogram {
     atomic_ullong bucket[HISTOGRAM_BUCKETS];
-    atomic_ullong n, sum, max;
+    atomic_ullong sum, max;
 } histogram;
-void histogram_add(histogram *h, uint64_t ticks);
+
+static inline unsigned histogram_bucket(uint64_t v) {
+    if (v < 16)
+        return (unsigned)v;
+    unsigned octave = 63 - (unsigned)__builtin_clzll(v);
+    return (octave - 3) * 16 + (unsigned)(v >> (octave - 4) & 15);
+}
+
+static inline void relaxed_add(atomic_ullong *to, uint64_t n) {
+    atomic_store_explicit(to, atomic_load_explicit(to, memory_order_relaxed) + n,
+                          memory_order_relaxed);
+}
+
+/* With plain stores: any thread may read meanwhile. */
+static inline void histogram_add(histogram *h, uint64_t ticks) {
+    relaxed_add(&h->bucket[histogram_bucket(ticks)], 1);
+    relaxed_add(&h->sum, ticks);
+    if (ticks > atomic_load_explicit(&h->max, memory_order_relaxed))
+        atomic_store_explicit(&h->max, ticks, memory_order_relaxed);
+}
+uint64_t histogram_count(const histogram *h);
 uint64_t histogram_quantile(const histogram *h, double q);
 
 /* ---- ring.c: the bounded queue between two lanes ------------------------------------------------
@@ -268,7 +300,7 @@ struct arris_stage {
     layer_pool pools[ARRIS_MAX_LAYERS];
     ring ring; /* of a queue */
     histogram time;
-    atomic_ullong dropped;
+    atomic_ullong frames, dropped;
     atomic_size_t fill; /* of a queue, the greatest */
     atomic_llong frame; /* the sequence number it works on; -1: none */
     struct {
@@ -283,6 +315,7 @@ struct arris_frame {
     int64_t index, utime, start; /* start: CLOCK_MONOTONIC ns at the exposure */
     uint64_t queued;             /* ticks, when it was put into the queue that it waits in */
     bool last;                   /* the one that carries finish */
+    bool timed;                  /* its way is booked in the stages' histograms */
     uint32_t carries;            /* the layers that are not NULL */
     uint64_t number[MAX_LOOPS];  /* among the frames that have come to a loop's asker */
     uint32_t given;              /* by the stage that works on it now */
@@ -311,6 +344,7 @@ struct arris_pipeline {
     atomic_size_t leaves_left;
     atomic_ullong frames_made;
     atomic_uint lines;
+    atomic_bool quick; /* frames pass faster than is worth timing each */
     histogram latency; /* ns from exposure to the end of the first branch */
 };
 

@@ -54,7 +54,7 @@ arris_progress arris_get_progress(const arris_pipeline *p) {
     r.done = r.frames;
     for (size_t i = 0; i < p->n_stages; i++) {
         const arris_stage *s = p->stage[i];
-        uint64_t n = atomic_load(&s->time.n);
+        uint64_t n = atomic_load(&s->frames);
         r.dropped += atomic_load(&s->dropped);
         if (!s->n_out && n < r.done)
             r.done = n;
@@ -63,7 +63,7 @@ arris_progress arris_get_progress(const arris_pipeline *p) {
 }
 
 static void print_times(const histogram *h, double us, FILE *out) {
-    uint64_t n = atomic_load(&h->n);
+    uint64_t n = histogram_count(h);
     fprintf(out, " %10.2f %10.2f %10.2f %10.2f",
             n ? (double)atomic_load(&h->sum) / (double)n * us : 0.0,
             (double)histogram_quantile(h, 0.5) * us, (double)histogram_quantile(h, 0.99) * us,
@@ -71,7 +71,7 @@ static void print_times(const histogram *h, double us, FILE *out) {
 }
 
 static void print_stage_stats(const arris_stage *s, double us, FILE *out) {
-    fprintf(out, "%-16s %9llu %8llu", s->name, (unsigned long long)atomic_load(&s->time.n),
+    fprintf(out, "%-16s %9llu %8llu", s->name, (unsigned long long)atomic_load(&s->frames),
             (unsigned long long)atomic_load(&s->dropped));
     print_times(&s->time, us, out);
     if (s->desc == &stage_queue)
@@ -93,7 +93,7 @@ void arris_print_stats(const arris_pipeline *p, FILE *out) {
     for (size_t i = 0; i < p->n_stages; i++)
         print_stage_stats(p->stage[i], us, out);
     fprintf(out, "%-16s %9llu %8llu", "from exposure",
-            (unsigned long long)atomic_load(&p->latency.n), (unsigned long long)r.dropped);
+            (unsigned long long)atomic_load(&p->first_leaf->frames), (unsigned long long)r.dropped);
     print_times(&p->latency, 1e-3, out);
     fprintf(out, "\n%llu frames in %.3f s, %.1f frames/s\n", (unsigned long long)r.frames,
             r.seconds, r.seconds > 0 ? (double)r.frames / r.seconds : 0.0);

@@ -9,6 +9,14 @@
 
 #include "internal.h"
 
+/* Where a frame is through in less than QUICK ns, only every UNTIMED-th is timed: reading the clock
+ * would cost more than passing it on. */
+enum { QUICK = 20000, UNTIMED = 16 };
+
+static bool is_failed(const arris_stage *s) {
+    return atomic_load_explicit(&s->failed, memory_order_relaxed);
+}
+
 static bool is_set(const atomic_int *flag) {
     return atomic_load_explicit(flag, memory_order_relaxed);
 }
@@ -85,8 +93,11 @@ static void end_branch(arris_stage *s, arris_frame *f) {
         atomic_store_explicit(&p->lines, n, memory_order_relaxed);
     }
     bool last = f->last;
-    if (!last && s == p->first_leaf)
-        histogram_add(&p->latency, (uint64_t)(arris_now() - f->start));
+    if (f->timed && s == p->first_leaf) {
+        int64_t latency = arris_now() - f->start;
+        histogram_add(&p->latency, (uint64_t)latency);
+        atomic_store_explicit(&p->quick, latency < QUICK, memory_order_relaxed);
+    }
     frame_release(f);
     if (last && atomic_fetch_sub(&p->leaves_left, 1) == 1) {
         p->ended = arris_now();
@@ -94,40 +105,55 @@ static void end_branch(arris_stage *s, arris_frame *f) {
     }
 }
 
-static int call(arris_stage *s, arris_frame *f) {
-    const arris_stage_desc *d = s->desc;
-    if (f->last)
-        return d->finish && !is_set(&s->pipeline->abort) ? d->finish(s, s->self, f) : 0;
-    return s->failed ? ARRIS_DROP : d->process(s, s->self, f);
+/* Books the time since *from, when the frame is a timed one, and starts anew. */
+static void book(arris_stage *s, const arris_frame *f, uint64_t *from) {
+    if (!f->timed)
+        return;
+    uint64_t to = clock_ticks();
+    histogram_add(&s->time, to - *from);
+    if (s->pipeline->trace)
+        trace_event(s->pipeline, s, f->seq, *from, to);
+    *from = to;
+}
+
+static uint64_t begin_timing(const arris_frame *f) {
+    return f->timed ? clock_ticks() : 0;
 }
 
 /* Calls a stage and books its time since *from. An error ends the stream. */
 static int work(arris_stage *s, arris_frame *f, uint64_t *from) {
-    arris_pipeline *p = s->pipeline;
-    atomic_store_explicit(&s->frame, f->last ? -1 : (long long)f->seq, memory_order_relaxed);
-    bool looped = s->inside && !f->last;
-    if (looped)
+    atomic_store_explicit(&s->frame, (long long)f->seq, memory_order_relaxed);
+    if (s->inside)
         loops_enter(s, f);
-    int rc = call(s, f);
-    frame_settle(f);
-    if (looped)
+    int rc = is_failed(s) ? ARRIS_DROP : s->desc->process(s, s->self, f);
+    if (f->given)
+        frame_settle(f);
+    if (s->inside)
         loops_leave(s, f, rc != 0);
-    uint64_t to = clock_ticks();
-    if (!f->last && rc != ARRIS_END)
-        histogram_add(&s->time, to - *from);
-    if (p->trace)
-        trace_event(p, s, f->seq, *from, to);
-    *from = to;
+    if (rc != ARRIS_END) {
+        relaxed_add(&s->frames, 1);
+        book(s, f, from);
+    }
     if (rc < 0)
         arris_fail(s, rc, NULL, "%s", arris_strerror(rc));
-    return f->last ? 0 : rc;
+    return rc;
+}
+
+/* The same for the last frame, which always goes on. */
+static void finish(arris_stage *s, arris_frame *f) {
+    atomic_store_explicit(&s->frame, -1, memory_order_relaxed);
+    bool wanted = s->desc->finish && !is_set(&s->pipeline->abort);
+    int rc = wanted ? s->desc->finish(s, s->self, f) : 0;
+    frame_settle(f);
+    if (rc < 0)
+        arris_fail(s, rc, NULL, "%s", arris_strerror(rc));
 }
 
 static void enqueue(arris_stage *q, arris_frame *f) {
     const queue_props *props = q->self;
     const atomic_int *abort = &q->pipeline->abort;
     size_t limit = (size_t)props->max_frames, fill;
-    f->queued = clock_ticks();
+    f->queued = begin_timing(f);
     if (f->last || props->leaky == LEAKY_NO) {
         if (!ring_put(&q->ring, f, limit + f->last, abort))
             frame_release(f);
@@ -153,7 +179,9 @@ static void pass_to(arris_stage *s, arris_frame *f, uint64_t from) {
             enqueue(s, f);
             return;
         }
-        if (work(s, f, &from)) {
+        if (f->last) {
+            finish(s, f);
+        } else if (work(s, f, &from)) {
             drop(s, f);
             return;
         }
@@ -161,7 +189,7 @@ static void pass_to(arris_stage *s, arris_frame *f, uint64_t from) {
             end_branch(s, f);
             return;
         }
-        for (size_t i = 0; i + 1 < s->n_out; i++, from = clock_ticks())
+        for (size_t i = 0; i + 1 < s->n_out; i++, from = begin_timing(f))
             pass_to(s->out[i], frame_shell(f, s->pipeline), from);
     }
 }
@@ -177,14 +205,15 @@ static void run_queue(arris_stage *q) {
     const atomic_int *abort = &q->pipeline->abort;
     for (arris_frame *f; !is_set(abort) && (f = ring_take(&q->ring, abort));) {
         bool last = f->last;
-        uint64_t from = clock_ticks();
-        if (!last)
-            histogram_add(&q->time, from - f->queued);
+        uint64_t from = f->queued;
+        relaxed_add(&q->frames, !last);
+        book(q, f, &from);
         if (too_late(q, f)) {
             loops_leave(q, f, true);
             drop(q, f);
-        } else
+        } else {
             pass_to(q->out[0], f, from);
+        }
         if (last)
             return;
     }
@@ -195,14 +224,16 @@ static arris_frame *new_frame(arris_pipeline *p, bool last) {
     f->seq = atomic_load_explicit(&p->frames_made, memory_order_relaxed);
     f->index = (int64_t)f->seq;
     f->last = last;
+    f->timed = !last && (p->trace || f->seq % UNTIMED == 0 ||
+                         !atomic_load_explicit(&p->quick, memory_order_relaxed));
     return f;
 }
 
 static void run_source(arris_stage *s) {
     arris_pipeline *p = s->pipeline;
-    uint64_t from = clock_ticks();
     while (arris_running(s)) {
         arris_frame *f = new_frame(p, false);
+        uint64_t from = begin_timing(f);
         int rc = work(s, f, &from);
         if (rc == ARRIS_DROP) {
             drop(s, f);
@@ -214,11 +245,10 @@ static void run_source(arris_stage *s) {
         }
         atomic_store_explicit(&p->frames_made, f->seq + 1, memory_order_relaxed);
         pass_to(s->out[0], f, from);
-        from = clock_ticks();
     }
     arris_frame *f = new_frame(p, true);
-    work(s, f, &from);
-    pass_to(s->out[0], f, from);
+    finish(s, f);
+    pass_to(s->out[0], f, 0);
 }
 
 static void *lane_main(void *arg) {
