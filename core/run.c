@@ -205,9 +205,10 @@ static void run_queue(arris_stage *q) {
     const atomic_int *abort = &q->pipeline->abort;
     for (arris_frame *f; !is_set(abort) && (f = ring_take(&q->ring, abort));) {
         bool last = f->last;
-        uint64_t from = f->queued;
+        uint64_t from = begin_timing(f);
         relaxed_add(&q->frames, !last);
-        book(q, f, &from);
+        if (f->timed)
+            histogram_add(&q->time, from - f->queued);
         if (too_late(q, f)) {
             loops_leave(q, f, true);
             drop(q, f);
