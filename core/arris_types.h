@@ -70,14 +70,23 @@ typedef struct arris_caps {
     X(EDGES, "edges", arris_edges, "linked sub-pixel edge points")                                 \
     X(SEGMENTS, "segments", arris_segments, "straight segments with covariance")                   \
     X(TRACKS, "tracks", arris_tracks, "which segment continues which track")                       \
-    X(LINES, "lines", arris_lines, "3D lines with covariance")
+    X(LINES, "lines", arris_lines, "3D lines with covariance")                                     \
+    X(CORNERS, "corners", arris_corners, "sub-pixel corner points")                                \
+    X(FLOW, "flow", arris_flow, "how far every pixel has moved since the frame before")
 
 enum arris_layer {
 #define X(NAME, name, type, what) ARRIS_##NAME,
     ARRIS_LAYERS(X)
 #undef X
         ARRIS_N_LAYERS,
-    ARRIS_USER0 = 24, /* ARRIS_USER0 to ARRIS_USER7: for plugins from elsewhere; plain bytes */
+    ARRIS_USER0 = 24, /* to ARRIS_USER7: for plugins from elsewhere; plain bytes */
+    ARRIS_USER1,
+    ARRIS_USER2,
+    ARRIS_USER3,
+    ARRIS_USER4,
+    ARRIS_USER5,
+    ARRIS_USER6,
+    ARRIS_USER7,
     ARRIS_MAX_LAYERS = 32
 };
 
@@ -177,6 +186,27 @@ typedef struct arris_lines {
     double pose_sigma;  /* mm, as given or as estimated */
     arris_line *item;
 } arris_lines;
+
+typedef struct arris_corner {
+    float x, y;     /* px, sub-pixel */
+    float strength; /* of the detector's measure */
+} arris_corner;
+
+typedef struct arris_corners {
+    uint32_t n, max, lost;
+    const arris_camera *camera;
+    arris_corner *item; /* the strongest first */
+} arris_corners;
+
+/* Dense optical flow, and its two components as pictures: mid grey is no motion, darker is
+ * negative, lighter positive (thesis, section 2.3). All planes have `width` items a row and no gap.
+ */
+typedef struct arris_flow {
+    int32_t width, height; /* px */
+    bool valid;            /* false in the first frame: there is none before it */
+    float *u, *v;          /* px, to the right and down */
+    uint8_t *grey_u, *grey_v;
+} arris_flow;
 
 #ifdef __cplusplus
 }

@@ -2,6 +2,7 @@
  *
  * catalogue.c: what stages there are, explained from their descriptors, for people and as JSON.
  */
+#include <math.h>
 #include <string.h>
 
 #include "internal.h"
@@ -51,7 +52,7 @@ static void json_prop(FILE *out, const arris_prop *p) {
     json_field(out, "     {", "name", p->name);
     json_field(out, ", ", "type", type_name(p->type));
     json_field(out, ", ", "default", p->value);
-    if (p->type == ARRIS_INT || p->type == ARRIS_DOUBLE)
+    if (isfinite(p->min) && isfinite(p->max) && (p->type == ARRIS_INT || p->type == ARRIS_DOUBLE))
         fprintf(out, ", \"min\": %.17g, \"max\": %.17g", p->min, p->max);
     json_field(out, ", ", "unit", p->unit);
     json_field(out, ", ", "words", p->words);

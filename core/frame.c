@@ -8,9 +8,11 @@
 
 arris_frame *frame_take(arris_pipeline *p) {
     pool_item *item = pool_take(&p->frames);
-    arris_frame *f = item->data;
-    memset(f, 0, sizeof *f);
+    arris_frame *f = item->data; /* its layers are NULL: so frame_release leaves them */
     f->item = item;
+    f->index = f->utime = 0;
+    f->last = f->timed = false;
+    f->carries = f->given = 0;
     return f;
 }
 
@@ -35,8 +37,10 @@ void frame_settle(arris_frame *f) {
 }
 
 void frame_release(arris_frame *f) {
-    for (uint32_t set = f->carries; set; set &= set - 1)
+    for (uint32_t set = f->carries; set; set &= set - 1) {
         pool_unref(f->layer[__builtin_ctz(set)]);
+        f->layer[__builtin_ctz(set)] = NULL;
+    }
     pool_unref(f->item);
 }
 

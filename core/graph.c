@@ -178,7 +178,11 @@ static int make_pools(arris_pipeline *p, arris_error *err) {
 
 int arris_check(arris_pipeline *p, arris_error *err) {
     arris_error ignored;
-    int rc = 0;
+    int rc = p->lanes || p->stage[0]->was_set_up
+                 ? error_set(err, ARRIS_E_USAGE, NULL, "a pipeline is checked once")
+                 : 0;
+    if (rc)
+        return rc;
     p->setup_error = err ? err : &ignored;
     memset(p->setup_error, 0, sizeof *p->setup_error);
     for (size_t i = 0; rc == 0 && i < p->n_stages; i++)

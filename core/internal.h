@@ -109,7 +109,7 @@ typedef struct queue_props {
  */
 
 typedef struct pool_item {
-    atomic_int refs; /* 0: free */
+    _Alignas(64) atomic_int refs; /* 0: free. Neighbours are in the hands of other lanes */
     void *data;
 } pool_item;
 
@@ -206,12 +206,18 @@ bool waiter_wait(waiter *w, bool (*ready)(const void *), const void *what, const
 /* To be called after what `ready` looks at has changed. */
 void waiter_wake(waiter *w);
 
+/* What the one who puts writes: for a short queue all of it lies in one cache line. */
+typedef struct ring_put_side {
+    atomic_size_t tail; /* next to put */
+    _Atomic(arris_frame *) slot[];
+} ring_put_side;
+
 typedef struct ring {
     size_t size;
-    _Atomic(arris_frame *) *slot;
-    _Alignas(64) atomic_size_t head; /* next to take */
-    _Alignas(64) atomic_size_t tail; /* next to put */
+    ring_put_side *put;
     waiter not_empty, not_full;
+    _Alignas(64) atomic_size_t head; /* next to take */
+    char rest[64 - sizeof(atomic_size_t)];
 } ring;
 
 int ring_init(ring *r, size_t size);
@@ -246,6 +252,7 @@ void bus_end(bus *b);
 /* ---- the graph ----------------------------------------------------------------------------------
  */
 
+#define NAME_CHARACTERS "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_"
 enum { MAX_STAGES = 256, MAX_COUNTERS = 8, MAX_NAME = 64, MAX_LOOPS = 4, MAX_DELAY = 16 };
 
 typedef struct lane {
@@ -298,11 +305,12 @@ struct arris_stage {
     lane *lane;
 
     layer_pool pools[ARRIS_MAX_LAYERS];
-    ring ring; /* of a queue */
-    histogram time;
-    atomic_ullong frames, dropped;
-    atomic_size_t fill; /* of a queue, the greatest */
+    ring ring;                          /* of a queue */
+    _Alignas(64) atomic_ullong dropped; /* by the lane before a queue, or its own */
+    atomic_size_t fill;                 /* of a queue, the greatest; by the lane before it */
+    _Alignas(64) atomic_ullong frames;
     atomic_llong frame; /* the sequence number it works on; -1: none */
+    histogram time;
     struct {
         _Atomic(const char *) name;
         atomic_ullong n;
@@ -317,8 +325,8 @@ struct arris_frame {
     bool last;                   /* the one that carries finish */
     bool timed;                  /* its way is booked in the stages' histograms */
     uint32_t carries;            /* the layers that are not NULL */
-    uint64_t number[MAX_LOOPS];  /* among the frames that have come to a loop's asker */
     uint32_t given;              /* by the stage that works on it now */
+    uint64_t number[MAX_LOOPS];  /* among the frames that have come to a loop's asker */
     pool_item *layer[ARRIS_MAX_LAYERS];
     pool_item *old[ARRIS_MAX_LAYERS]; /* replaced; kept until process returns */
 };
@@ -342,15 +350,16 @@ struct arris_pipeline {
     bool checked, running;
     atomic_int stop, abort, result;
     atomic_size_t leaves_left;
-    atomic_ullong frames_made;
-    atomic_uint lines;
-    atomic_bool quick; /* frames pass faster than is worth timing each */
-    histogram latency; /* ns from exposure to the end of the first branch */
+    _Alignas(64) atomic_ullong frames_made; /* by the source's lane */
+    _Alignas(64) atomic_uint lines;         /* by the last lane, as what follows */
+    atomic_bool quick;                      /* frames pass faster than is worth timing each */
+    histogram latency;                      /* ns from exposure to the end of the first branch */
 };
 
 /* trace.c */
 void trace_event(arris_pipeline *p, const arris_stage *s, uint64_t seq, uint64_t from, uint64_t to);
-void trace_close(arris_pipeline *p);
+/* Ends the file; false when it could not be written whole. */
+bool trace_close(arris_pipeline *p);
 
 /* frame.c */
 arris_frame *frame_take(arris_pipeline *p);

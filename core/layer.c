@@ -38,12 +38,25 @@ static size_t stride_of(const arris_caps *c) {
     return up64((size_t)c->width * c->format);
 }
 
+static size_t flow_plane(const arris_caps *c, size_t item) {
+    return up64((size_t)c->width * (size_t)c->height * item);
+}
+
+static void init_flow(arris_flow *f, char *planes, const arris_caps *c) {
+    *f = (arris_flow){.width = c->width, .height = c->height};
+    f->u = (float *)(void *)planes;
+    f->v = (float *)(void *)(planes + flow_plane(c, sizeof(float)));
+    f->grey_u = (uint8_t *)planes + 2 * flow_plane(c, sizeof(float));
+    f->grey_v = f->grey_u + flow_plane(c, 1);
+}
+
 /* The two arrays of a layer: bytes per item of each. */
 static void items(enum arris_layer layer, size_t *a, size_t *b) {
     *a = layer == ARRIS_EDGES      ? sizeof(arris_edge_point)
          : layer == ARRIS_SEGMENTS ? sizeof(arris_segment)
          : layer == ARRIS_TRACKS   ? sizeof(arris_track)
          : layer == ARRIS_LINES    ? sizeof(arris_line)
+         : layer == ARRIS_CORNERS  ? sizeof(arris_corner)
          : layer >= ARRIS_USER0    ? 1
                                    : 0;
     *b = layer == ARRIS_EDGES ? sizeof(arris_chain) : 0;
@@ -67,6 +80,8 @@ size_t layer_size(enum arris_layer layer, const arris_caps *caps, size_t n, size
     items(layer, &a, &b);
     if (layer == ARRIS_IMAGE)
         return head_size(layer) + stride_of(caps) * (size_t)caps->height + 64;
+    if (layer == ARRIS_FLOW)
+        return head_size(layer) + 2 * flow_plane(caps, sizeof(float)) + 2 * flow_plane(caps, 1);
     if (n > MOST || m > MOST)
         return 0;
     return head_size(layer) + up64(a * n) + up64(b * m) + 64;
@@ -96,6 +111,12 @@ void layer_init(enum arris_layer layer, void *data, const arris_caps *caps, size
         break;
     case ARRIS_LINES:
         *(arris_lines *)data = (arris_lines){.max = (uint32_t)n, .item = (void *)array};
+        break;
+    case ARRIS_CORNERS:
+        *(arris_corners *)data = (arris_corners){.max = (uint32_t)n, .item = (void *)array};
+        break;
+    case ARRIS_FLOW:
+        init_flow(data, array, caps);
         break;
     default:
         break;
@@ -129,6 +150,14 @@ void layer_reset(enum arris_layer layer, void *data) {
         *l = (arris_lines){.max = l->max, .item = l->item};
         break;
     }
+    case ARRIS_CORNERS: {
+        arris_corners *c = data;
+        *c = (arris_corners){.max = c->max, .item = c->item};
+        break;
+    }
+    case ARRIS_FLOW:
+        ((arris_flow *)data)->valid = false;
+        break;
     default:
         break;
     }

@@ -28,16 +28,19 @@ static source *source_new(token_list *out, const source *up, const char *path, c
 }
 
 /* Copies the word that starts at text[*i] without its quotes, and moves *i behind it. NULL: a quote
- * is not closed, and *i is where it was opened. */
-static char *word(const char *text, size_t *i, char *to) {
+ * is not closed, and *i is where it was opened. *joined is set behind a '!' that touches others. */
+static char *word(const char *text, size_t *i, char *to, size_t *joined) {
     char quote = 0, *start = to;
-    size_t opened = *i;
+    size_t opened = *i, first = *i;
     for (; text[*i] && (quote || !isspace((unsigned char)text[*i])); ++*i) {
         char c = text[*i];
         if (quote && c == quote)
             quote = 0;
         else if (!quote && (c == '"' || c == '\''))
             quote = c, opened = *i;
+        else if (!quote && c == '!' &&
+                 (*i > first || (text[*i + 1] && !isspace((unsigned char)text[*i + 1]))))
+            *joined = *i + 1, *to++ = c;
         else if (c == '\\' && quote != '\'' && text[*i + 1])
             *to++ = text[++*i];
         else
@@ -137,9 +140,14 @@ static int lex_source(token_list *out, source *src, arris_error *err) {
         if (!src->text[i])
             break;
         token t = {src, buffer, i};
-        if (!word(src->text, &i, buffer))
+        size_t joined = 0;
+        if (!word(src->text, &i, buffer, &joined))
             rc = error_at(err, &t, i - t.at, ARRIS_E_RECIPE, NULL,
                           "a quote is opened here and not closed");
+        else if (joined)
+            rc = error_at(err, &t, joined - 1 - t.at, ARRIS_E_RECIPE,
+                          "put white space on both sides of it, or quote it within a value",
+                          "this '!' touches other words");
         else
             rc = is_recipe(buffer) ? include(out, &t, err) : append(out, &t, err);
     }

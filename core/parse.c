@@ -11,8 +11,6 @@
 
 #include "internal.h"
 
-#define NAME_CHARACTERS "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_"
-
 static int out_of_memory(arris_error *err) {
     return error_set(err, ARRIS_E_MEMORY, NULL, "out of memory");
 }
@@ -177,7 +175,9 @@ static int parse(arris_pipeline *p, const char *line, arris_error *err) {
 }
 
 arris_pipeline *arris_parse(const char *line, arris_error *err) {
-    arris_pipeline *p = calloc(1, sizeof *p);
+    arris_pipeline *p = aligned_alloc(_Alignof(arris_pipeline), sizeof *p);
+    if (p)
+        memset(p, 0, sizeof *p);
     arris_error ignored;
     if (!err)
         err = &ignored;

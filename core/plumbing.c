@@ -84,9 +84,10 @@ static int rate_process(arris_stage *s, void *self, arris_frame *f) {
     (void)s;
     rate *r = self;
     int64_t t = arris_frame_utime(f), period = (int64_t)(1e6 / r->fps);
-    if (r->begun && t < r->next && t > r->next - 2 * period)
+    int64_t early = r->next - t; /* stamps jitter: an eighth of a period is not early */
+    if (r->begun && early > period / 8 && early < 2 * period)
         return ARRIS_DROP;
-    r->next = r->begun && t < r->next + period && t >= r->next ? r->next + period : t + period;
+    r->next = r->begun && early > -period && early < period ? r->next + period : t + period;
     r->begun = true;
     return 0;
 }

@@ -10,12 +10,13 @@
 int pool_init(pool *p, size_t n, size_t size) {
     size = (size + 63) / 64 * 64;
     p->n = n;
-    p->item = calloc(n, sizeof *p->item);
+    p->item = aligned_alloc(64, n * sizeof *p->item);
     p->memory = size && n <= SIZE_MAX / size ? aligned_alloc(64, n * size) : NULL;
     if (!p->item || !p->memory) {
         pool_free(p);
         return ARRIS_E_MEMORY;
     }
+    memset(p->item, 0, n * sizeof *p->item);
     memset(p->memory, 0, n * size);
     for (size_t i = 0; i < n; i++)
         p->item[i].data = (char *)p->memory + i * size;

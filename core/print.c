@@ -95,6 +95,8 @@ void arris_print_stats(const arris_pipeline *p, FILE *out) {
     fprintf(out, "%-16s %9llu %8llu", "from exposure",
             (unsigned long long)atomic_load(&p->first_leaf->frames), (unsigned long long)r.dropped);
     print_times(&p->latency, 1e-3, out);
+    if (atomic_load(&p->quick))
+        fprintf(out, "\n(frames this fast are timed on every 16th)");
     fprintf(out, "\n%llu frames in %.3f s, %.1f frames/s\n", (unsigned long long)r.frames,
             r.seconds, r.seconds > 0 ? (double)r.frames / r.seconds : 0.0);
 }

@@ -3,6 +3,7 @@
  * props.c: properties from text into a stage's struct, by its offset table.
  */
 #include <errno.h>
+#include <locale.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -57,10 +58,19 @@ static int own_string(strings **own, const char *dir, int dir_size, const char *
     return 0;
 }
 
+/* As in the C locale, whatever the application's is. */
+static double to_double(const char *text, char **end) {
+    locale_t c = newlocale(LC_ALL_MASK, "C", (locale_t)0);
+    double v = c ? strtod_l(text, end, c) : strtod(text, end);
+    if (c)
+        freelocale(c);
+    return v;
+}
+
 static int store_number(const arris_prop *p, const char *text, void *to) {
     char *end;
     errno = 0;
-    double v = strtod(text, &end);
+    double v = to_double(text, &end);
     if (p->words && strcmp(text, p->words) == 0)
         v = -1;
     else if (end == text || *end || errno || !isfinite(v) || v < p->min || v > p->max ||

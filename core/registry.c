@@ -95,9 +95,11 @@ static const char *fault_of(const arris_stage_desc *d) {
     return d->size < offsetof(arris_stage_desc, close) + sizeof d->close
                ? "its descriptor is too short"
            : !d->name || !*d->name || strlen(d->name) >= MAX_NAME ? "it has no valid name"
-           : !d->process                                          ? "it has no process"
-           : d->n_props && !d->props                              ? "it has no properties"
-                                                                  : NULL;
+           : d->name[strspn(d->name, NAME_CHARACTERS)]
+               ? "its name has other signs than letters, digits, - and _"
+           : !d->process             ? "it has no process"
+           : d->n_props && !d->props ? "it has no properties"
+                                     : NULL;
 }
 
 static void take_stages(plugin *p) {
@@ -172,8 +174,6 @@ static void unknown(const char *name, const token *t, arris_error *err) {
                               plugins[i]->path, plugins[i]->why) > 0;
     }
     const char *best = nearest_result(&near);
-    if (!broken && strchr(name, '!'))
-        snprintf(hint, sizeof hint, "put white space on both sides of '!'");
     error_at(err, t, 0, ARRIS_E_RECIPE, hint, "there is no stage '%.100s'%s%s%s", name,
              best ? "; did you mean '" : "", best ? best : "", best ? "'?" : "");
 }
@@ -213,10 +213,13 @@ const arris_stage_desc *registry_find(const char *name, const token *t, arris_er
 typedef struct entry {
     const arris_stage_desc *desc;
     const char *plugin;
+    size_t order; /* of two with one name the first is taken */
 } entry;
 
 static int by_name(const void *a, const void *b) {
-    return strcmp(((const entry *)a)->desc->name, ((const entry *)b)->desc->name);
+    const entry *x = a, *y = b;
+    int names = strcmp(x->desc->name, y->desc->name);
+    return names ? names : (x->order > y->order) - (x->order < y->order);
 }
 
 void registry_each(void (*f)(const arris_stage_desc *d, const char *plugin, void *user),
@@ -226,13 +229,13 @@ void registry_each(void (*f)(const arris_stage_desc *d, const char *plugin, void
     pthread_once(&scanned, scan);
     pthread_mutex_lock(&lock);
     while (builtin_stages[n]) {
-        all[n] = (entry){builtin_stages[n], NULL};
+        all[n] = (entry){builtin_stages[n], NULL, n};
         n++;
     }
     for (size_t i = 0; i < n_plugins; i++) {
         open_plugin(plugins[i]);
         for (size_t k = 0; k < plugins[i]->n_stages && n < COUNT(all); k++)
-            all[n++] = (entry){plugins[i]->stage[k], plugins[i]->path};
+            all[n] = (entry){plugins[i]->stage[k], plugins[i]->path, n}, n++;
     }
     qsort(all, n, sizeof *all, by_name);
     for (size_t i = 0; i < n; i++)

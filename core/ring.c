@@ -2,17 +2,19 @@
  *
  * ring.c: how lanes wait for one another, and the bounded queue between two. One lane puts; taking
  * is open to both, since the putting one drops the oldest when the queue leaks, so the head moves
- * by compare-and-swap. A lane that must wait looks again for about as long as a switch of threads
- * costs, then sleeps; the other one pays for waking it only when it does.
+ * by compare-and-swap. A lane that must wait looks again a few times, then lets others run, since
+ * the one it waits for may want its processor, then sleeps; only then is waking it paid for.
  */
 #include <errno.h>
+#include <sched.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "internal.h"
 
-enum { SPINS = 200, SLEEP_MS = 50 };
+enum { SPINS = 50, YIELDS = 4, SLEEP_MS = 50 };
 static int spins;
 
 int waiter_init(waiter *w) {
@@ -67,6 +69,8 @@ bool waiter_wait(waiter *w, bool (*ready)(const void *), const void *what, const
             return true;
         pause_briefly();
     }
+    for (int i = 0; i < YIELDS && !ready(what); i++)
+        sched_yield();
     while (!ready(what)) {
         if (atomic_load_explicit(stop, memory_order_relaxed))
             return false;
@@ -76,23 +80,26 @@ bool waiter_wait(waiter *w, bool (*ready)(const void *), const void *what, const
 }
 
 int ring_init(ring *r, size_t size) {
+    size_t bytes = (sizeof *r->put + size * sizeof *r->put->slot + 63) / 64 * 64;
     r->size = size;
-    r->slot = calloc(size, sizeof *r->slot);
-    return !r->slot || waiter_init(&r->not_empty) || waiter_init(&r->not_full) ? ARRIS_E_MEMORY : 0;
+    r->put = aligned_alloc(64, bytes);
+    if (r->put)
+        memset(r->put, 0, bytes);
+    return !r->put || waiter_init(&r->not_empty) || waiter_init(&r->not_full) ? ARRIS_E_MEMORY : 0;
 }
 
 void ring_free(ring *r) {
-    if (!r->slot)
+    if (!r->put)
         return;
-    free(r->slot);
-    r->slot = NULL;
+    free(r->put);
+    r->put = NULL;
     waiter_free(&r->not_empty);
     waiter_free(&r->not_full);
 }
 
 size_t ring_count(const ring *r) {
     size_t head = atomic_load(&r->head);
-    return atomic_load(&r->tail) - head;
+    return atomic_load(&r->put->tail) - head;
 }
 
 static bool has_one(const void *what) {
@@ -111,8 +118,8 @@ static bool has_room(const void *what) {
 
 arris_frame *ring_try_take(ring *r) {
     size_t head = atomic_load_explicit(&r->head, memory_order_acquire);
-    while (head != atomic_load_explicit(&r->tail, memory_order_acquire)) {
-        arris_frame *f = atomic_load_explicit(&r->slot[head % r->size], memory_order_relaxed);
+    while (head != atomic_load_explicit(&r->put->tail, memory_order_acquire)) {
+        arris_frame *f = atomic_load_explicit(&r->put->slot[head % r->size], memory_order_relaxed);
         if (atomic_compare_exchange_weak(&r->head, &head, head + 1)) {
             waiter_wake(&r->not_full);
             return f;
@@ -124,9 +131,9 @@ arris_frame *ring_try_take(ring *r) {
 bool ring_try_put(ring *r, arris_frame *f, size_t limit) {
     if (ring_count(r) >= limit)
         return false;
-    size_t tail = atomic_load_explicit(&r->tail, memory_order_relaxed);
-    atomic_store_explicit(&r->slot[tail % r->size], f, memory_order_relaxed);
-    atomic_store(&r->tail, tail + 1);
+    size_t tail = atomic_load_explicit(&r->put->tail, memory_order_relaxed);
+    atomic_store_explicit(&r->put->slot[tail % r->size], f, memory_order_relaxed);
+    atomic_store(&r->put->tail, tail + 1);
     waiter_wake(&r->not_empty);
     return true;
 }

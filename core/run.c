@@ -96,11 +96,15 @@ static void end_branch(arris_stage *s, arris_frame *f) {
     if (f->timed && s == p->first_leaf) {
         int64_t latency = arris_now() - f->start;
         histogram_add(&p->latency, (uint64_t)latency);
-        atomic_store_explicit(&p->quick, latency < QUICK, memory_order_relaxed);
+        atomic_store_explicit(&p->quick, latency < QUICK && p->n_leaves == 1, memory_order_relaxed);
     }
     frame_release(f);
     if (last && atomic_fetch_sub(&p->leaves_left, 1) == 1) {
         p->ended = arris_now();
+        if (!trace_close(p))
+            bus_post(&p->bus, &(arris_message){.severity = ARRIS_WARNING,
+                                               .frame = -1,
+                                               .text = "the trace could not be written whole"});
         bus_end(&p->bus);
     }
 }
@@ -225,6 +229,7 @@ static arris_frame *new_frame(arris_pipeline *p, bool last) {
     f->seq = atomic_load_explicit(&p->frames_made, memory_order_relaxed);
     f->index = (int64_t)f->seq;
     f->last = last;
+    f->start = arris_now();
     f->timed = !last && (p->trace || f->seq % UNTIMED == 0 ||
                          !atomic_load_explicit(&p->quick, memory_order_relaxed));
     return f;

@@ -28,10 +28,12 @@ void trace_event(arris_pipeline *p, const arris_stage *s, uint64_t seq, uint64_t
             (double)(to - from) * p->ns_per_tick * 1e-3, (unsigned long long)seq);
 }
 
-void trace_close(arris_pipeline *p) {
+bool trace_close(arris_pipeline *p) {
     if (!p->trace)
-        return;
+        return true;
     fputs("]\n", p->trace);
-    fclose(p->trace);
+    bool good = !ferror(p->trace);
+    good = fclose(p->trace) == 0 && good;
     p->trace = NULL;
+    return good;
 }

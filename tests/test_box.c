@@ -236,6 +236,7 @@ static void with_queues_is_the_same(void **state) {
                  end[-1] == '!' ? " queue !" : "");
     }
     free(recipe);
+    assert_non_null(strstr(queued, "! queue ! reconstruct"));
     launch("queues", scratch_write("recipe/queues.arris", "%s", queued));
     assert_same_files("queues");
 }

@@ -537,6 +537,39 @@ static void one_line_per_edge(void **state) {
     scan_free(s);
 }
 
+static void fit_views(line *l, const edge *e, double sigma, int first, int last) {
+    linear r;
+    line_begin(l, 0);
+    for (int i = first; i < last; i++) {
+        arris_pose pose = on_path(i, 60);
+        view v;
+        assert_true(see(e, &pose, sigma, &v));
+        line_add(l, &v, &known, &r);
+    }
+    line_complete(l, &known);
+}
+
+/* Edges that meet are two, however uncertain one of them is after a few views. */
+static void meeting_edges_are_two(void **state) {
+    (void)state;
+    const scene rough = {{0, 0}, 1, 4, 1000};
+    line a, again, b;
+    for (seed = 15; seed < 25; seed++) {
+        fit_views(&a, &upright, 0.1, 0, 40);
+        fit_views(&again, &upright, 0.1, 30, 60);
+        assert_true(line_same(&a, &again, &rough) && line_same(&again, &a, &rough));
+        edge other = upright; /* seen from view 12 it covers the edge, but it leans forward */
+        arris_pose pose = on_path(12, 60);
+        for (int i = 0; i < 3; i++)
+            other.q[i] = pose.C[i] + 0.85 * (upright.q[i] - pose.C[i]);
+        for (int n = 4; n < 20; n++) {
+            fit_views(&b, &other, 0.3, 10, 10 + n);
+            if (b.settled)
+                assert_false(line_same(&a, &b, &rough) || line_same(&b, &a, &rough));
+        }
+    }
+}
+
 /* Ten sweeps there and back, every one with new tracks: the lines are those of the three edges, one
  * of them parallel to the motion. What is only glimpsed in a sweep is told of and retired. */
 static void sweeps_fuse(void **state) {
@@ -729,6 +762,9 @@ static void bad_segments_are_refused(void **state) {
         *field[k] = k < 5 ? (double)NAN : (double)INFINITY;
         assert_int_equal(view_make(&v, &s, &camera, &pose, picture), ARRIS_E_INPUT);
     }
+    pose.C[1] = (double)NAN;
+    assert_int_equal(view_make(&v, &good, &camera, &pose, picture), ARRIS_E_INPUT);
+    pose.C[1] = 0;
     good.x2 = good.x1, good.y2 = good.y1;
     assert_int_equal(view_make(&v, &good, &camera, &pose, picture), ARRIS_E_INPUT);
 }
@@ -745,6 +781,7 @@ int main(void) {
         cmocka_unit_test(standing_still_is_unobservable),
         cmocka_unit_test(ends_are_where_the_edge_ends),
         cmocka_unit_test(one_line_per_edge),
+        cmocka_unit_test(meeting_edges_are_two),
         cmocka_unit_test(sweeps_fuse),
         cmocka_unit_test(changes_are_told),
         cmocka_unit_test(a_full_scan_counts),

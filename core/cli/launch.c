@@ -134,7 +134,11 @@ static int run(arris_pipeline *p, const options *o) {
 
 static int check_and_run(arris_pipeline *p, const options *o) {
     arris_error err;
-    if (arris_check(p, &err))
+    arris_message m;
+    int bad = arris_check(p, &err);
+    while (arris_wait(p, &m, 0) == ARRIS_WAIT_MESSAGE)
+        show_message(&m, o);
+    if (bad)
         return cli_error(&err);
     int rc = o->dot ? write_dot(p, o->dot) : 0;
     if (rc == 0 && o->check)

@@ -77,8 +77,8 @@ static mat4 covariance(const line *l, double scale, double prior) {
     return P;
 }
 
-mat4 line_covariance(const line *l, const scene *s, const double place[2]) {
-    mat4 P = covariance(l, l->scale * s->memory, l->depth), out = {{{0}}};
+mat4 line_covariance(const line *l, const scene *s, double prior, const double place[2]) {
+    mat4 P = covariance(l, l->scale * s->memory, prior), out = {{{0}}};
     double w[2][2] = {{(1 - place[0]) / 2, (1 + place[0]) / 2},
                       {(1 - place[1]) / 2, (1 + place[1]) / 2}};
     for (int i = 0; i < 4; i++)
@@ -126,6 +126,7 @@ static void widen(line *l, const double C[3]) {
         memcpy(l->first, C, sizeof l->first);
 }
 
+/* From where the kept views were taken; later ones only widen it. */
 static void measure_motion(line *l) {
     bool any = false;
     for (uint32_t i = 0; i < l->n_kept; i++) {
@@ -184,7 +185,9 @@ void line_refine(line *l, const scene *s) {
         gather(l, s);
         moved = step(l, s);
     }
-    measure_motion(l);
+    if (l->past.n == 0)
+        measure_motion(l);
+    l->settled = l->settled && 2 * (l->all.n - l->past.n) > l->n_kept;
 }
 
 /* Refines the estimate from l->f on; a second time because the first start may be far off. */
@@ -270,12 +273,12 @@ bool line_add(line *l, const view *v, const scene *s, linear *r) {
 }
 
 void line_complete(line *l, const scene *s) {
-    if (l->settled) {
+    if (l->settled)
         line_refine(l, s);
+    if (l->settled)
         line_trim(l);
-    } else if (l->n_kept > 0) {
+    else if (l->n_kept > 0)
         line_fit(l, s);
-    }
 }
 
 void line_absorb(line *a, const line *b, const scene *s) {

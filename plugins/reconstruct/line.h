@@ -82,9 +82,9 @@ void line_complete(line *l, const scene *s);
 bool line_observable(const line *l);
 
 /* The covariance across the line at two places: of the offsets along f.a and f.b at place[0], then
- * at place[1], mm². It has the residuals' true size and correlation in it, and is finite also for a
- * line that is not observable, which is somewhere within its own distance. */
-mat4 line_covariance(const line *l, const scene *s, const double place[2]);
+ * at place[1], mm². It has the residuals' true size and correlation in it. `prior`, mm, is the
+ * sigma where the views tell nothing. */
+mat4 line_covariance(const line *l, const scene *s, double prior, const double place[2]);
 
 /* The sum of the squared residuals over their stated variances; 2 n - 4 when those are true. */
 double line_chi2(const line *l);

@@ -53,7 +53,7 @@ static void find_picture(const arris_camera *c, double picture[4]) {
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
     struct reconstruct *r = self;
     if (!caps->camera)
-        return arris_fail(s, ARRIS_E_RECIPE, "give the source a camera.json",
+        return arris_fail(s, ARRIS_E_INPUT, "give the source a camera.json",
                           "lines need the camera model, and the stream has none");
     r->camera = caps->camera;
     find_picture(r->camera, r->picture);
@@ -98,6 +98,8 @@ static int process(arris_stage *s, void *self, arris_frame *f) {
     scan_end_frame(r->scan, pose->valid);
     arris_lines *out = arris_layer_give(s, f, ARRIS_LINES);
     scan_write(r->scan, out);
+    if (out->lost)
+        arris_count(s, "lines lost", out->lost);
     return 0;
 }
 

@@ -49,7 +49,8 @@ static void spread(const line *l, const mat4 *P, const double u[3], double cov[2
 
 bool line_report(const line *l, const scene *s, double limit, arris_line *out) {
     double u[3];
-    mat4 P = line_covariance(l, s, l->ends);
+    /* a line that is not observable lies somewhere within its own distance */
+    mat4 P = line_covariance(l, s, l->depth, l->ends);
     frame_point(&l->f, l->x, l->ends[0], out->p);
     frame_point(&l->f, l->x, l->ends[1], out->q);
     for (int i = 0; i < 3; i++)

@@ -8,6 +8,8 @@
 
 static const double GATE = 18.5;      /* chi-square of 4 degrees of freedom: one in a thousand */
 static const double GAP = 5;          /* px that may lie between the two */
+static const double NEAR = 0.01;      /* of the distance: farther apart, they are never the same */
+static const double COS_TURN = 0.9;   /* between their directions: 25° */
 static const double INDISTINCT = 0.2; /* px: nearer than this, edges are not told apart */
 
 /* The place on l of the point P, and its offsets along l's a and b. */
@@ -37,6 +39,17 @@ static void add_turned(mat4 *A, const mat4 *P, const frame *from, const frame *t
                     A->m[i][j] += T[i % 2][k] * T[j % 2][n] * P->m[i / 2 * 2 + k][j / 2 * 2 + n];
 }
 
+/* Whether places of b on a, which its ends have, lie along a and on it. */
+static bool overlaps(const line *a, const line *b, const double place[2]) {
+    double gap[2] = {GAP * a->pixel[0] / a->f.h, GAP * a->pixel[1] / a->f.h};
+    return (place[1] - place[0]) * a->f.h > COS_TURN * (b->ends[1] - b->ends[0]) * b->f.h &&
+           place[0] < a->ends[1] + gap[1] && place[1] > a->ends[0] - gap[0];
+}
+
+static bool near(const double offset[4], double limit) {
+    return hypot(offset[0], offset[1]) < limit && hypot(offset[2], offset[3]) < limit;
+}
+
 bool line_same(const line *a, const line *b, const scene *s) {
     double place[2], offset[4];
     for (int i = 0; i < 2; i++) {
@@ -44,13 +57,15 @@ bool line_same(const line *a, const line *b, const scene *s) {
         frame_point(&b->f, b->x, b->ends[i], P);
         place[i] = place_of(a, P, offset + 2 * i);
     }
-    double gap[2] = {GAP * a->pixel[0] / a->f.h, GAP * a->pixel[1] / a->f.h};
-    if (place[1] <= place[0] || place[0] > a->ends[1] + gap[1] || place[1] < a->ends[0] - gap[0])
+    if (!overlaps(a, b, place) || (a->settled && !near(offset, NEAR * a->depth)))
         return false;
-    mat4 S = line_covariance(a, s, place), P = line_covariance(b, s, b->ends), inverse;
+    mat4 S = line_covariance(a, s, a->prior, place), P = line_covariance(b, s, b->prior, b->ends),
+         inverse;
     double least = INDISTINCT * fmin(a->pixel[0], a->pixel[1]);
     add_turned(&S, &P, &b->f, &a->f);
     for (int i = 0; i < 4; i++)
         S.m[i][i] += least * least;
+    if (!a->settled) /* their depth was guessed, at two times */
+        S.m[0][0] += a->depth * a->depth, S.m[2][2] += a->depth * a->depth;
     return mat4_invert(&S, &inverse) && mat4_form(&inverse, offset, offset) < GATE;
 }

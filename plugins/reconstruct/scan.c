@@ -33,14 +33,14 @@ struct scan {
     scan_params p;
     scene scene;
     noise noise;
-    entry *pool, **alive; /* n in the order they came, then the free ones */
-    uint32_t n, lost, frames;
-    uint32_t linked;    /* tracks of this frame */
-    link *now, *before; /* hashed by track: of this frame and of the one before */
+    entry *pool, **alive;     /* n in the order they came, then the free ones */
+    uint32_t n, frames, lost; /* lost: in the last frame */
+    uint32_t linked, refused; /* tracks of this frame; those that found no room */
+    link *now, *before;       /* hashed by track: of this frame and of the one before */
     uint32_t mask;
 };
 
-enum { ESTABLISHED = 10 }; /* views after which a line's residuals tell of the noise */
+enum { ESTABLISHED = 10 };                /* views after which a line is no accident */
 static const double TYPICAL_DEPTH = 1000; /* mm, until a line is measured */
 
 scan *scan_new(const scan_params *p) {
@@ -89,7 +89,7 @@ static link *find(const scan *s, link *table, int32_t track) {
 
 static entry *begin(scan *s, int32_t track) {
     if (s->n == (uint32_t)s->p.max_lines) {
-        s->lost++;
+        s->refused++;
         return NULL;
     }
     entry *e = s->alive[s->n++];
@@ -104,7 +104,7 @@ static entry *begin(scan *s, int32_t track) {
 void scan_add(scan *s, int32_t track, const view *v) {
     entry *e = find(s, s->before, track)->e;
     if (s->linked > s->mask / 2) {
-        s->lost++;
+        s->refused++;
         return;
     }
     if (!e && v)
@@ -244,7 +244,7 @@ static void retire(scan *s) {
         entry *e = s->alive[i];
         if (e->tracked || e->leaving || e->out.state == ARRIS_MEASURED)
             continue;
-        if (e->out.state == ARRIS_UNOBSERVABLE && e->l.seen < ESTABLISHED)
+        if (e->l.seen < ESTABLISHED)
             leave(e, ARRIS_RETIRED, -1);
         else if (!least || e->l.seen < least->l.seen)
             least = e;
@@ -257,7 +257,8 @@ static void next_frame(scan *s) {
     link *t = s->before;
     s->before = s->now;
     s->now = t;
-    s->linked = 0;
+    s->lost = s->refused;
+    s->linked = s->refused = 0;
     memset(s->now, 0, (s->mask + 1) * sizeof *s->now);
     for (uint32_t i = 0; i < s->n; i++) {
         entry *e = s->alive[i];

@@ -31,6 +31,7 @@ void scan_end_frame(scan *s, bool counts);
 /* No frame follows: completes every line. */
 void scan_finish(scan *s);
 
+/* Writes all lines that are told of, as of the last scan_end_frame or scan_finish. */
 void scan_write(const scan *s, arris_lines *out);
 
 #endif

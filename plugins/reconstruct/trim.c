@@ -43,14 +43,15 @@ void line_trim(line *l) {
     for (uint32_t i = 0; i < l->n_kept; i++)
         if (l->inlier[i] && reach_of(&l->kept[i], l, &v[n]))
             n++;
-    double ends[2] = {1, -1};
+    double ends[2] = {(double)INFINITY, -(double)INFINITY};
     for (uint32_t i = 0; i < n; i++) {
         if (v[i].seen[0] < ends[0] && supported(v, n, v[i].seen[0]))
             ends[0] = v[i].seen[0], l->pixel[0] = v[i].pixel[0];
         if (v[i].seen[1] > ends[1] && supported(v, n, v[i].seen[1]))
             ends[1] = v[i].seen[1], l->pixel[1] = v[i].pixel[1];
     }
-    l->ends[0] = fmin(ends[0], ends[1]);
-    l->ends[1] = fmax(ends[0], ends[1]);
+    bool found = ends[0] < ends[1];
+    l->ends[0] = found ? ends[0] : -1;
+    l->ends[1] = found ? ends[1] : 1;
     l->next_trim = l->seen + 1 + l->seen / 8;
 }

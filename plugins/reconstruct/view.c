@@ -67,6 +67,8 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
     for (int i = 0; i < 3; i++)
         v->plane[i] *= c->fx * c->fy;
     v->half = length / 2;
+    if (!isfinite(arris_dot(v->plane, v->plane) + arris_dot(v->C, v->C)))
+        return ARRIS_E_INPUT;
     v->from = -(double)INFINITY, v->to = (double)INFINITY;
     clip(x, dx, picture[0], picture[2], &v->from, &v->to);
     clip(y, dy, picture[1], picture[3], &v->from, &v->to);

@@ -47,7 +47,8 @@ typedef struct linear {
 
 /* The view of a segment in pixels of the camera `c`, whose lens is taken out of them when it
  * distorts, from `pose`. `picture` is x0, y0, x1, y1, in ideal pixels, of what the camera surely
- * sees. 0, or ARRIS_E_INPUT when the segment is a point, not finite, or outside of the lens. */
+ * sees. 0, or ARRIS_E_INPUT when the segment is a point, it or the pose is not finite,
+ * or it is outside of the lens. */
 int view_make(view *v, const arris_segment *segment, const arris_camera *c, const arris_pose *pose,
               const double picture[4]);
 

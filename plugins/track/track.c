@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * track.c: the stage `track`: which segment continues which track (thesis, section 2.5). The kernel
- * is tracker.h.
+ * track.c: the stage `track`: which segment continues which track. The kernel is tracker.h.
  */
 #include "arris_plugin.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * tracker.c: the thesis's box tracker (section 2.5) in streaming form.
+ * tracker.c: the thesis's box tracker in streaming form.
  *
  * A track goes on with the segment whose end points lie in a box around the predicted ones. End
  * points scatter along a line, and lines enter and leave the picture; so the box is asked across

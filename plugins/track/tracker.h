@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * tracker.h: which segment continues which track, from the picture alone (thesis, section 2.5). No
+ * tracker.h: which segment continues which track, from the picture alone (the thesis's box). No
  * dependency on the runtime.
  */
 #ifndef TRACKER_H
