@@ -12,7 +12,7 @@
 
 /* The automatic thresholds, in standard deviations of the gradient's noise, and the least they can
  * be, as a share of white: for pictures without noise, where rounding makes steps of one level. */
-static const double LOW = 5, HIGH = 6.5, FLOOR_LOW = 2.0 / 255, FLOOR_HIGH = 2.5 / 255;
+static const double LOW = 6, HIGH = 7.5, FLOOR_LOW = 2.25 / 255, FLOOR_HIGH = 2.6 / 255;
 
 struct canny {
     canny_params p;

@@ -15,71 +15,52 @@
 
 enum {
     BITS = GRADIENT_BITS,
+    VECTOR = 16,
     CHUNK = 64, /* px that are skipped together when none of them reaches `low` */
     MARGIN = 2  /* px beyond the Gaussian that a point's neighbourhood needs */
 };
 
 /* Rows are worked on in whole vectors; their buffers have room for that. */
 INLINE int whole(int n) {
-    return (n + 15) & ~15;
+    return (n + VECTOR - 1) / VECTOR * VECTOR;
 }
 
 /* ---- rows ----------------------------------------------------------------------------------- */
 
 INLINE void load_row(const arris_image *im, int y, int shift, int16_t *restrict out) {
     int n = im->width;
-    const uint8_t *p8 = im->data + y * im->stride;
-    const uint16_t *p16 = (const uint16_t *)p8;
-    if (im->format == ARRIS_GREY8)
+    const uint8_t *p = im->data + y * im->stride;
+    if (im->format == ARRIS_GREY8) {
         for (int x = 0; x < n; x++)
-            out[x] = (int16_t)(p8[x] << (BITS - 8));
-    else if (shift >= 0)
-        for (int x = 0; x < n; x++)
-            out[x] = (int16_t)(p16[x] << shift);
-    else
-        for (int x = 0; x < n; x++)
-            out[x] = (int16_t)(p16[x] >> -shift);
+            out[x] = (int16_t)(p[x] << (BITS - 8));
+        return;
+    }
+    memcpy(out, p, (size_t)n * sizeof *out);
+    for (int x = 0; x < n; x++)
+        out[x] = (int16_t)(shift >= 0 ? (uint16_t)out[x] << shift : (uint16_t)out[x] >> -shift);
 }
 
 INLINE uint16_t mulhi(uint16_t a, uint16_t b) {
     return (uint16_t)((uint32_t)a * b >> 16);
 }
 
-/* The middle row and two pairs around it, weighted: a[0] t[0] + (a[1] + b[1]) t[1] + ... */
-INLINE void smooth_five(const int16_t *const *a, const int16_t *const *b, const uint16_t *t,
-                        int16_t *restrict out, int n) {
-    const int16_t *a0 = a[0], *a1 = a[1], *b1 = b[1], *a2 = a[2], *b2 = b[2];
-    uint16_t t0 = t[0], t1 = t[1], t2 = t[2];
-    for (int x = 0; x < n; x++)
-        out[x] = (int16_t)(mulhi((uint16_t)a0[x], t0) + mulhi((uint16_t)(a1[x] + b1[x]), t1) +
-                           mulhi((uint16_t)(a2[x] + b2[x]), t2));
-}
-
-INLINE void smooth_more(const int16_t *restrict a, const int16_t *restrict b, uint16_t t,
-                        int16_t *restrict out, int n) {
-    for (int x = 0; x < n; x++)
-        out[x] = (int16_t)(out[x] + mulhi((uint16_t)(a[x] + b[x]), t));
-}
-
-INLINE void smooth(const int16_t *const *a, const int16_t *const *b, const uint16_t *t, int radius,
+/* Rows weighted by the taps, which are symmetric: those around row[0], from row[-radius] on. */
+INLINE void smooth(const int16_t *const *row, const uint16_t *tap, int radius,
                    int16_t *restrict out, int n) {
-    smooth_five(a, b, t, out, n);
-    for (int k = 3; k <= radius; k++)
-        smooth_more(a[k], b[k], t[k], out, n);
+    const int16_t *a = row[-2], *b = row[-1], *c = row[0], *d = row[1], *e = row[2];
+    uint16_t t0 = tap[0], t1 = tap[1], t2 = tap[2];
+    for (int x = 0; x < n; x++)
+        out[x] = (int16_t)(mulhi((uint16_t)c[x], t0) + mulhi((uint16_t)(b[x] + d[x]), t1) +
+                           mulhi((uint16_t)(a[x] + e[x]), t2));
+    for (int k = 3; k <= radius; k++) {
+        const int16_t *f = row[-k], *g = row[k];
+        for (int x = 0; x < n; x++)
+            out[x] = (int16_t)(out[x] + mulhi((uint16_t)(f[x] + g[x]), tap[k]));
+    }
 }
 
-/* The rows `in` to a smoothed row, right of its first `radius` columns. */
-INLINE void smooth_row(gradient *g, int width, int16_t *out) {
-    const int16_t *a[GRADIENT_MAX_RADIUS + 1], *b[GRADIENT_MAX_RADIUS + 1];
-    int r = g->radius;
-    for (int k = 0; k <= r || k <= 2; k++)
-        a[k] = g->in[k <= r ? r - k : 0], b[k] = g->in[k <= r ? r + k : 0];
-    smooth(a, b, g->tap, r, g->vertical, whole(width));
-    for (int k = 0; k <= r || k <= 2; k++)
-        a[k] = g->vertical + (k <= r ? r - k : 0), b[k] = g->vertical + (k <= r ? r + k : 0);
-    smooth(a, b, g->tap, r, out + r, whole(width - 2 * r));
-}
-
+/* |g| to within 12 %, in proportion for a given direction, and never less than |g| - 2; its lowest
+ * bit says that x is the main axis. */
 INLINE int16_t magnitude(int16_t gx, int16_t gy) {
     int16_t x = (int16_t)abs(gx), y = (int16_t)abs(gy);
     int16_t most = x > y ? x : y, least = x > y ? y : x;
@@ -87,51 +68,58 @@ INLINE int16_t magnitude(int16_t gx, int16_t gy) {
     return (int16_t)((size | 1) + odd);
 }
 
-/* |g| to within 12 %, in proportion for a given direction, from three smoothed rows; its lowest bit
- * says that x is the main axis. */
-INLINE void magnitude_row(int16_t *const s[3], int16_t *restrict m, int x0, int n) {
+/* Of the row in the middle of three smoothed ones, columns x0 to x1 - 1; 0 after them. */
+INLINE void magnitude_row(int16_t *const s[3], int16_t *restrict m, int x0, int x1) {
     const int16_t *up = s[0] + x0, *mid = s[1] + x0, *down = s[2] + x0;
-    for (int x = 0; x < n; x++)
-        m[x] = magnitude((int16_t)(mid[x + 1] - mid[x - 1]), (int16_t)(down[x] - up[x]));
+    for (int x = 0; x < whole(x1 - x0); x++)
+        m[x0 + x] = magnitude((int16_t)(mid[x + 1] - mid[x - 1]), (int16_t)(down[x] - up[x]));
+    memset(m + x1, 0, VECTOR * sizeof *m);
 }
 
-INLINE bool reaches(const int16_t *m, int16_t low) {
-    int16_t most = 0;
+INLINE bool any_above(const int16_t *m, int16_t least) {
+    int16_t most = INT16_MIN;
     for (int x = 0; x < CHUNK; x++)
         most = m[x] > most ? m[x] : most;
-    return most >= low;
+    return most > least;
 }
 
-/* Marks the maxima along the main axis among CHUNK pixels. */
+/* Marks what is above `least` and a maximum along its main axis, among CHUNK pixels. */
 INLINE void mark(const int16_t *restrict up, const int16_t *restrict m,
-                 const int16_t *restrict down, int16_t low, uint8_t *restrict mask) {
+                 const int16_t *restrict down, int16_t least, uint8_t *restrict mask) {
     for (int x = 0; x < CHUNK; x++) {
         int16_t c = m[x], h = (int16_t) - (c & 1);
         int16_t a = (int16_t)((h & m[x - 1]) | (~h & up[x]));
         int16_t b = (int16_t)((h & m[x + 1]) | (~h & down[x]));
-        mask[x] = (uint8_t)((c >= low) & (c > a) & (c >= b));
+        mask[x] = (uint8_t)((c > least) & (c > a) & (c >= b));
     }
 }
 
 /* ---- edgels --------------------------------------------------------------------------------- */
 
-/* Appends pixel (x, y), the middle of three rows, unless its gradient is too small. */
-INLINE void append(int16_t *const s[3], int16_t *const m[3], int x, int y, int32_t low2,
-                   edgels *e) {
-    int gx = s[1][x + 1] - s[1][x - 1], gy = s[2][x] - s[0][x], h = m[1][x] & 1;
-    e->item[e->n] = (edgel){
-        .x = (int16_t)x,
-        .y = (int16_t)y,
-        .gx = (int16_t)gx,
-        .gy = (int16_t)gy,
-        .across = (int16_t)h,
-        .before = m[h][x - h],
-        .here = m[1][x],
-        .after = m[2 - h][x + h],
-    };
-    e->n += gx * gx + gy * gy >= low2;
+/* Appends the pixels of row y, the middle of three, whose bits are set, from column x on, but those
+ * whose gradient is below `low`. */
+static void append(int16_t *const s[3], int16_t *const m[3], ptrdiff_t x, int y, uint64_t bits,
+                   int32_t low, edgels *e) {
+    const int16_t *up = s[0] + x, *mid = s[1] + x, *down = s[2] + x, *here = m[1] + x;
+    const int16_t *before[] = {m[0] + x, here - 1}, *after[] = {m[2] + x, here + 1};
+    edgel *p = e->item + e->n;
+    for (; bits; bits &= bits - 1) {
+        ptrdiff_t i = __builtin_ctzll(bits);
+        int gx = mid[i + 1] - mid[i - 1], gy = down[i] - up[i], across = here[i] & 1;
+        p->x = (int16_t)(x + i);
+        p->y = (int16_t)y;
+        p->gx = (int16_t)gx;
+        p->gy = (int16_t)gy;
+        p->across = (int16_t)across;
+        p->before = before[across][i];
+        p->here = here[i];
+        p->after = after[across][i];
+        p += gx * gx + gy * gy >= low * low;
+    }
+    e->n = (uint32_t)(p - e->item);
 }
 
+/* The lowest bits of CHUNK bytes. */
 INLINE uint64_t pack(const uint8_t *mask) {
     uint64_t bits = 0;
     for (int i = 0; i < CHUNK; i += 8) {
@@ -142,20 +130,19 @@ INLINE uint64_t pack(const uint8_t *mask) {
     return bits;
 }
 
-INLINE void edgels_row(gradient *g, int y, int x0, int x1, int16_t least, edgels *e) {
+INLINE void edgels_row(gradient *g, int y, int x0, int x1, int16_t low, edgels *e) {
+    int16_t least = (int16_t)(low - 2);
     for (int x = x0; x < x1; x += CHUNK) {
-        if (!reaches(g->m[1] + x, least))
+        if (!any_above(g->m[1] + x, least))
             continue;
         mark(g->m[0] + x, g->m[1] + x, g->m[2] + x, least, g->mask);
         uint64_t bits = pack(g->mask);
         if (x1 - x < CHUNK)
             bits &= (UINT64_C(1) << (x1 - x)) - 1;
-        if (e->max - e->n < CHUNK) {
+        if (e->max - e->n >= CHUNK)
+            append(g->s, g->m, x, y, bits, low, e);
+        else
             e->lost += (uint32_t)__builtin_popcountll(bits);
-            continue;
-        }
-        for (; bits; bits &= bits - 1)
-            append(g->s, g->m, x + __builtin_ctzll(bits), y, least * least, e);
     }
 }
 
@@ -175,10 +162,11 @@ INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, edg
         if (y < 2 * r)
             continue;
         turn(g->s, 4);
-        smooth_row(g, w, g->s[3]);
+        smooth((const int16_t *const *)g->in + r, g->tap, r, g->vertical, whole(w));
+        smooth(g->column + r, g->tap, r, g->s[3] + r, whole(w - 2 * r));
         turn(g->m, 3);
         if (y >= 2 * r + 2)
-            magnitude_row(g->s + 1, g->m[2] + r + 1, r + 1, whole(w - 2 * r - 2));
+            magnitude_row(g->s + 1, g->m[2], r + 1, w - r - 1);
         if (y >= 2 * r + 4) {
             edgels_row(g, y - edge, edge, w - edge, low, e);
             e->row[y - edge + 1] = e->n;
@@ -217,11 +205,11 @@ void gradient_edgels(gradient *g, const arris_image *im, int shift, float low, e
 /* ---- setting up ----------------------------------------------------------------------------- */
 
 static void set_taps(gradient *g, double sigma) {
-    double t[GRADIENT_MAX_RADIUS + 1], sum = 0;
-    g->radius = (int)(2.5 * sigma);
-    for (int k = 0; k <= g->radius; k++) {
-        t[k] = k ? exp(-0.5 * k * k / (sigma * sigma)) : 1;
-        sum += k ? 2 * t[k] : 1;
+    double t[GRADIENT_MAX_RADIUS + 1] = {1}, sum = 1;
+    g->radius = sigma > 1 ? (int)(2.5 * sigma) : 2;
+    for (int k = 1; k <= g->radius && sigma > 0; k++) {
+        t[k] = exp(-0.5 * k * k / (sigma * sigma));
+        sum += 2 * t[k];
     }
     for (int k = 0; k <= g->radius; k++)
         g->tap[k] = (uint16_t)fmin(round(65536 * t[k] / sum), UINT16_MAX);
@@ -230,18 +218,19 @@ static void set_taps(gradient *g, double sigma) {
 int gradient_init(gradient *g, int width, double sigma) {
     *g = (gradient){0};
     set_taps(g, sigma);
-    /* a chunk may reach beyond the row's end, and starts one pixel before */
-    size_t w = ((size_t)width + 2 * CHUNK) / CHUNK * CHUNK;
-    size_t rows = 2 * (size_t)g->radius + 1 + 1 + 4 + 3 + 1;
-    int16_t *p = g->memory = calloc(rows * w, sizeof *p);
+    size_t w = ((size_t)width + 2 * CHUNK) / CHUNK * CHUNK; /* a chunk may reach beyond a row */
+    int n = 2 * g->radius + 1;
+    int16_t *p = g->memory = calloc((size_t)(n + 9) * w, sizeof *p);
     if (!p)
         return ARRIS_E_MEMORY;
-    for (int i = 0; i <= 2 * g->radius; i++, p += w)
+    for (int i = 0; i < n; i++, p += w)
         g->in[i] = p;
     for (int i = 0; i < 4; i++, p += w)
         g->s[i] = p;
     for (int i = 0; i < 3; i++, p += w)
         g->m[i] = p;
+    for (int i = 0; i < n; i++)
+        g->column[i] = p + i;
     g->vertical = p;
     g->mask = (uint8_t *)(p + w);
     return 0;
@@ -256,11 +245,12 @@ int gradient_shift(const arris_image *im) {
     if (im->format == ARRIS_GREY8)
         return BITS - 8;
     unsigned all = 1;
-    for (int y = 0; y < im->height; y++) {
-        const uint16_t *row = (const uint16_t *)(im->data + y * im->stride);
-        for (int x = 0; x < im->width; x++)
-            all |= row[x];
-    }
+    for (int y = 0; y < im->height; y++)
+        for (int x = 0; x < im->width; x++) {
+            uint16_t v;
+            memcpy(&v, im->data + y * im->stride + 2 * x, sizeof v);
+            all |= v;
+        }
     return BITS - (32 - __builtin_clz(all));
 }
 

@@ -27,10 +27,12 @@ typedef struct edgels {
 } edgels;
 
 typedef struct gradient {
-    int radius;                            /* of the Gaussian, px */
-    uint16_t tap[GRADIENT_MAX_RADIUS + 2]; /* from the middle outwards, 2^-16; padded by zeros */
+    int radius;                            /* of the Gaussian, px; at least 2 */
+    uint16_t tap[GRADIENT_MAX_RADIUS + 1]; /* from the middle outwards, 2^-16 */
     /* Rows that the pass keeps, the newest last: grey levels, smoothed ones, magnitudes. */
-    int16_t *in[2 * GRADIENT_MAX_RADIUS + 1], *vertical, *s[4], *m[3];
+    int16_t *in[2 * GRADIENT_MAX_RADIUS + 1], *s[4], *m[3];
+    int16_t *vertical;                                  /* a row smoothed in y only */
+    const int16_t *column[2 * GRADIENT_MAX_RADIUS + 1]; /* the same from its i-th pixel on */
     uint8_t *mask;
     void *memory;
 } gradient;

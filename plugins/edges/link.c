@@ -10,47 +10,68 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { DONE = -1, MIDDLE = 4, BATCH = 64 };
+enum { DONE = -1, BATCH = 64 };
 
-/* ---- the table ------------------------------------------------------------------------------ */
+/* ---- the tables ----------------------------------------------------------------------------- */
 
-/* The 3x3 pixels, numbered as their bits come from three rows. */
-static const int8_t step_x[9] = {-1, 0, 1, -1, 0, 1, -1, 0, 1};
-static const int8_t step_y[9] = {-1, -1, -1, 0, 0, 0, 1, 1, 1};
+/* Pixels around an edgel are numbered row by row, 3x3 or 5x5, as their bits come from the rows. */
+enum { NEAR = 3, FAR = LINK_ROWS, MIDDLE = NEAR * NEAR / 2 };
 
 /* The octant of the gradient, which is also that of the direction along the edge. */
 static inline int octant(int gx, int gy, int across) {
     return across << 2 | (gx < 0) << 1 | (gy < 0);
 }
 
-/* Of the pixels in `bits` ahead in the direction (tx, ty): by distance and part across it. */
-static uint8_t best_step(double tx, double ty, int bits) {
+/* How badly the step to a pixel goes on in the direction (x, y): its length, then its turn. Length
+ * comes first because it is the same seen from either end, so that both ends pick each other.
+ * INFINITY for a pixel that is not ahead. */
+static double step_cost(int pixel, int size, double x, double y, double least_cos) {
+    int dx = pixel % size - size / 2, dy = pixel / size - size / 2;
+    double d = hypot(dx, dy), along = d > 0 ? (dx * x + dy * y) / d : -1;
+    return along > least_cos ? 2 * d * d - along : INFINITY;
+}
+
+static uint8_t best_near(double x, double y, int bits) {
     uint8_t best = MIDDLE;
-    double least = INFINITY;
-    for (uint8_t k = 0; k < 9; k++) {
-        double d2 = step_x[k] * step_x[k] + step_y[k] * step_y[k];
-        double along = step_x[k] * tx + step_y[k] * ty;
-        double cost = 4 * d2 - 3 * along * along;
-        if (bits >> k & 1 && along > 1e-9 && cost < least)
-            least = cost, best = k;
-    }
+    for (uint8_t k = 0; k < NEAR * NEAR; k++)
+        if (bits >> k & 1 && step_cost(k, NEAR, x, y, 0) < step_cost(best, NEAR, x, y, 0))
+            best = k;
     return best;
 }
 
-static void set_table(linker *l) {
+/* The pixels within 60 degrees of the direction. */
+static link_far sort_far(double x, double y) {
+    link_far f = {0};
+    for (uint8_t i = 0; i < FAR * FAR; i++) {
+        double cost = step_cost(i, FAR, x, y, 0.5);
+        bool near = abs(i % FAR - FAR / 2) < 2 && abs(i / FAR - FAR / 2) < 2;
+        if (near || cost == INFINITY)
+            continue;
+        int k = f.n++;
+        for (; k > 0 && step_cost(f.pixel[k - 1], FAR, x, y, 0.5) > cost; k--)
+            f.pixel[k] = f.pixel[k - 1];
+        f.pixel[k] = i;
+        f.bits |= 1u << i;
+    }
+    return f;
+}
+
+static void set_tables(linker *l) {
     double most = cos(M_PI / 8), least = sin(M_PI / 8); /* the middle of an octant */
     for (int k = 0; k < LINK_OCTANTS; k++) {
         double gx = (k & 4 ? most : least) * (k & 2 ? -1 : 1);
         double gy = (k & 4 ? least : most) * (k & 1 ? -1 : 1);
-        for (int bits = 0; bits < LINK_PATTERNS; bits++)
-            l->best[k][bits] = (link_steps){best_step(gy, -gx, bits), best_step(-gy, gx, bits)};
+        for (int bits = 0; bits < 1 << NEAR * NEAR; bits++)
+            l->near[k][bits] = (link_near){best_near(gy, -gx, bits), best_near(-gy, gx, bits)};
+        l->next_far[k] = sort_far(gy, -gx);
+        l->prev_far[k] = sort_far(-gy, gx);
     }
 }
 
 int link_init(linker *l, int width, size_t max) {
-    *l = (linker){.width = (size_t)width + 64};
-    set_table(l);
-    size_t columns = 3 * l->width;
+    *l = (linker){.width = ((size_t)width / 64 + 2) * 64};
+    set_tables(l);
+    size_t columns = LINK_ROWS * l->width;
     int32_t *p = l->memory = malloc((4 * max + columns) * sizeof *p + columns / 8);
     if (!p)
         return ARRIS_E_MEMORY;
@@ -58,7 +79,7 @@ int link_init(linker *l, int width, size_t max) {
     l->prev = p + max;
     l->start = p + 2 * max;
     l->order = p + 3 * max;
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < LINK_ROWS; i++) {
         l->index[i] = p + 4 * max + l->width * (size_t)i;
         l->bits[i] = (uint8_t *)(p + 4 * max + columns) + l->width / 8 * (size_t)i;
     }
@@ -72,49 +93,82 @@ void link_free(linker *l) {
 
 /* ---- neighbours ----------------------------------------------------------------------------- */
 
-/* The bits of columns x - 1 to x + 1. */
-static inline unsigned window(const uint8_t *bits, unsigned x) {
+/* The bits of `size` columns with x in the middle. */
+static inline unsigned window(const uint8_t *bits, unsigned x, int size) {
     uint16_t w;
-    memcpy(&w, bits + (x - 1) / 8, sizeof w);
-    return (unsigned)w >> (x - 1) % 8 & 7;
+    x -= (unsigned)size / 2;
+    memcpy(&w, bits + x / 8, sizeof w);
+    return (unsigned)w >> x % 8 & ((1u << size) - 1);
+}
+
+static void turn(linker *l) {
+    int32_t *index = l->index[0];
+    uint8_t *bits = l->bits[0];
+    for (int k = 0; k < LINK_ROWS - 1; k++) {
+        l->index[k] = l->index[k + 1];
+        l->bits[k] = l->bits[k + 1];
+    }
+    l->index[LINK_ROWS - 1] = index;
+    l->bits[LINK_ROWS - 1] = memset(bits, 0, l->width / 8);
 }
 
 static void enter_row(linker *l, const edgels *e, int y) {
-    int32_t *index = l->index[0], i = (int32_t)e->row[y];
-    uint8_t *bits = memset(l->bits[0], 0, l->width / 8);
+    int32_t *index = l->index[LINK_ROWS - 1], i = (int32_t)e->row[y];
+    uint8_t *bits = l->bits[LINK_ROWS - 1];
     const edgel *a = e->item + i, *end = e->item + e->row[y + 1];
     for (; a < end; a++, i++) {
         unsigned x = (unsigned)a->x;
         index[x] = i;
         bits[x / 8] |= (uint8_t)(1 << x % 8);
     }
-    l->index[0] = l->index[1], l->index[1] = l->index[2], l->index[2] = index;
-    l->bits[0] = l->bits[1], l->bits[1] = l->bits[2], l->bits[2] = bits;
+}
+
+/* Joins edgel i of the middle row, which goes on to one side only, to the best one two pixels away
+ * on the other. */
+static void link_far_end(linker *l, const edgel *a, int32_t i) {
+    int k = octant(a->gx, a->gy, a->across);
+    bool last = l->next[i] == i;
+    const link_far *f = last ? &l->next_far[k] : &l->prev_far[k];
+    unsigned bits = 0;
+    for (int row = 0; row < FAR; row++)
+        bits |= window(l->bits[row], (unsigned)a->x, FAR) << FAR * row;
+    for (k = 0; bits & f->bits; k++)
+        if (bits >> f->pixel[k] & 1) {
+            int32_t to = l->index[f->pixel[k] / FAR][a->x + f->pixel[k] % FAR - FAR / 2];
+            *(last ? &l->next[i] : &l->prev[i]) = to;
+            return;
+        }
 }
 
 static void link_row(linker *l, const edgels *e, int y) {
-    const uint8_t *up = l->bits[0], *mid = l->bits[1], *down = l->bits[2];
-    const edgel *a = e->item + e->row[y], *end = e->item + e->row[y + 1];
-    int32_t *next = l->next + e->row[y], *prev = l->prev + e->row[y];
-    const int32_t *at[9];
-    for (int k = 0; k < 9; k++)
-        at[k] = l->index[1 + step_y[k]] + step_x[k];
-    for (; a < end; a++) {
+    const uint8_t *up = l->bits[1], *mid = l->bits[2], *down = l->bits[3];
+    int32_t *next = l->next, *prev = l->prev, *ends = l->start, n_ends = 0;
+    const edgel *item = e->item;
+    const int32_t *at[NEAR * NEAR];
+    for (int k = 0; k < NEAR * NEAR; k++)
+        at[k] = l->index[LINK_REACH - 1 + k / NEAR] + k % NEAR - 1;
+    for (int32_t i = (int32_t)e->row[y], n = (int32_t)e->row[y + 1]; i < n; i++) {
+        const edgel *a = &item[i];
         unsigned x = (unsigned)a->x;
-        unsigned bits = window(up, x) | window(mid, x) << 3 | window(down, x) << 6;
-        link_steps to = l->best[octant(a->gx, a->gy, a->across)][bits];
-        *next++ = at[to.next][x];
-        *prev++ = at[to.prev][x];
+        unsigned bits =
+            window(up, x, NEAR) | window(mid, x, NEAR) << 3 | window(down, x, NEAR) << 6;
+        link_near to = l->near[octant(a->gx, a->gy, a->across)][bits];
+        next[i] = at[to.next][x];
+        prev[i] = at[to.prev][x];
+        ends[n_ends] = i;
+        n_ends += (to.next == MIDDLE) != (to.prev == MIDDLE);
     }
+    for (int k = 0; k < n_ends; k++)
+        link_far_end(l, &item[ends[k]], ends[k]);
 }
 
 void link_edgels(linker *l, const edgels *e, int height) {
-    memset(l->bits[1], 0, l->width / 8);
-    memset(l->bits[2], 0, l->width / 8);
-    for (int y = 0; y < height; y++) {
+    for (int k = 0; k < LINK_ROWS; k++)
+        turn(l);
+    for (int y = 0; y < height; y++, turn(l)) {
         enter_row(l, e, y);
-        if (y > 0)
-            link_row(l, e, y - 1);
+        if (y >= LINK_REACH)
+            link_row(l, e, y - LINK_REACH);
     }
 }
 
@@ -148,7 +202,7 @@ static void walk(linker *l, const edgels *e, int32_t i, bool closed, int32_t hig
         return;
     uint32_t kept = n < room ? n : room;
     out->lost += n - kept;
-    if (out->n_chains == out->max_chains || kept == 0) {
+    if (out->n_chains == out->max_chains || kept < min_length) {
         out->lost_chains++;
         out->lost += kept;
         return;

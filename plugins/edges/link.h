@@ -7,21 +7,32 @@
 
 #include "gradient.h"
 
-enum { LINK_OCTANTS = 8, LINK_PATTERNS = 512 };
+enum {
+    LINK_OCTANTS = 8,
+    LINK_REACH = 2, /* px: how far apart neighbours may be in x and in y */
+    LINK_ROWS = 2 * LINK_REACH + 1,
+    LINK_FAR = 8
+};
 
-/* Steps to two of the 3x3 pixels around an edgel; the middle one says that there is none. */
-typedef struct link_steps {
+/* Which of the 3x3 pixels around an edgel go on best; the middle one says none. */
+typedef struct link_near {
     uint8_t next, prev;
-} link_steps;
+} link_near;
+
+/* Which of the 5x5 pixels go on where none of the 3x3 does. */
+typedef struct link_far {
+    uint8_t n, pixel[LINK_FAR]; /* the best first */
+    uint32_t bits;              /* the set of them */
+} link_far;
 
 typedef struct linker {
-    /* by the direction, and by which of the 3x3 pixels are edgels: those that go on best */
-    link_steps best[LINK_OCTANTS][LINK_PATTERNS];
+    link_near near[LINK_OCTANTS][512]; /* by the direction, and the 3x3 pixels that are edgels */
+    link_far next_far[LINK_OCTANTS], prev_far[LINK_OCTANTS];
     int32_t *next, *prev; /* along the edge, brighter side on the right; an edgel itself: none */
     int32_t *start;       /* where open chains begin */
     int32_t *order;       /* the edgels of all chains */
-    int32_t *index[3];    /* of three rows, the oldest first: the edgel in a column */
-    uint8_t *bits[3];     /* which columns have one */
+    int32_t *index[LINK_ROWS]; /* of some rows, the oldest first: the edgel in a column */
+    uint8_t *bits[LINK_ROWS];  /* which columns have one */
     size_t width;
     void *memory;
 } linker;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * lanes.h: four or eight floats at once. The compiler makes of it what the machine has; every lane is plain
- * IEEE arithmetic in the order that is written, so all machines give the same bits.
+ * lanes.h: four or eight floats at once. The compiler makes of it what the machine has; every lane
+ * is plain IEEE arithmetic in the order that is written, so all machines give the same bits.
  */
 #ifndef LANES_H
 #define LANES_H
@@ -14,7 +14,8 @@
 typedef float eight __attribute__((vector_size(32), aligned(16)));
 typedef float four __attribute__((vector_size(16)));
 typedef uint8_t bytes __attribute__((vector_size(16)));
-typedef int32_t four_bits __attribute__((vector_size(16))); /* all bits of a lane where it is true */
+typedef int32_t four_bits
+    __attribute__((vector_size(16))); /* all bits of a lane where it is true */
 
 INLINE float four_sum(four a) {
     return (a[0] + a[2]) + (a[1] + a[3]);
@@ -22,6 +23,10 @@ INLINE float four_sum(four a) {
 
 INLINE float eight_sum(const eight *a) {
     return ((*a)[0] + (*a)[4] + ((*a)[2] + (*a)[6])) + ((*a)[1] + (*a)[5] + ((*a)[3] + (*a)[7]));
+}
+
+INLINE four four_abs(four a) {
+    return (four)((four_bits)a & INT32_MAX);
 }
 
 /* a where the bits are set, elsewhere b */

@@ -41,8 +41,14 @@ static void chord(piece *p) {
 
 piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw) {
     const arris_edge_point *q = &p[n - 1];
-    piece s = {.x1 = p->x, .y1 = p->y, .x2 = q->x, .y2 = q->y, .n = n, .chain = chain,
-               .points = n, .raw = raw};
+    piece s = {.x1 = p->x,
+               .y1 = p->y,
+               .x2 = q->x,
+               .y2 = q->y,
+               .n = n,
+               .chain = chain,
+               .points = n,
+               .raw = raw};
     for (uint32_t i = 0; i < n; i++) {
         double x = p[i].x, y = p[i].y;
         s.x += x, s.y += y;
@@ -141,7 +147,8 @@ static void grid_fill(grid *g, piece *p, uint32_t n) {
 /* Offers each pair that a begins to both of its pieces. */
 static void find_pairs(const grid *g, piece *a, const piece_rule *rule) {
     uint32_t col = grid_cell(g, a->x2 - rule->linkrad), right = grid_cell(g, a->x2 + rule->linkrad);
-    uint32_t top = grid_cell(g, a->y2 - rule->linkrad), bottom = grid_cell(g, a->y2 + rule->linkrad);
+    uint32_t top = grid_cell(g, a->y2 - rule->linkrad),
+             bottom = grid_cell(g, a->y2 + rule->linkrad);
     for (; col <= right; col++)
         for (uint32_t row = top; row <= bottom; row++)
             for (piece *b = *grid_head(g, col, row); b; b = b->next) {

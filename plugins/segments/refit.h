@@ -19,8 +19,8 @@ typedef struct refitter refitter;
 refitter *refitter_new(int width, int height);
 void refitter_free(refitter *f); /* NULL is allowed */
 
-/* The picture of all lines until the next call; it must stay. `lens` maps the lines' coordinates and
- * those of the edge points to the picture's, NULL: they are the same. */
+/* The picture of all lines until the next call; it must stay. `lens` maps the lines' coordinates
+ * and those of the edge points to the picture's, NULL: they are the same. */
 void refitter_look(refitter *f, const arris_image *image, const arris_edges *edges,
                    const arris_camera *lens);
 

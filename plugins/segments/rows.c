@@ -15,13 +15,25 @@
 enum { PROBES = 4, TELLS_SLOPES = 5 };
 
 int rows_init(rows *r, int width, int height) {
-    *r = (rows){.max = (uint32_t)(width > height ? width : height)};
-    r->item = aligned_alloc(_Alignof(row), r->max * sizeof *r->item);
-    return r->item ? 0 : ARRIS_E_MEMORY;
+    size_t n = (size_t)(width > height ? width : height) / 4 + 1;
+    *r = (rows){.max = (uint32_t)(4 * n)};
+    r->place = malloc(r->max * sizeof *r->place);
+    four *p = r->t = aligned_alloc(sizeof(four), 8 * n * sizeof(four));
+    if (!r->place || !p)
+        return ARRIS_E_MEMORY;
+    r->across = p += n;
+    r->shift = p += n;
+    r->answer = p += n;
+    r->response = p += n;
+    r->gain = p += n;
+    r->slopes = p += n;
+    r->unsure = p + n;
+    return 0;
 }
 
 void rows_free(rows *r) {
-    free(r->item);
+    free(r->place);
+    free(r->t);
 }
 
 /* ---- where the line is ---------------------------------------------------------------------- */
@@ -39,24 +51,27 @@ static node node_at(const rows *r, const row_line *l, double t, double d) {
     return r->columns ? (node){y, x, t} : (node){x, y, t};
 }
 
-/* The parabola through three nodes over v: f(v) = f0 + (v - v0) (f1 + (v - v1) f2). */
-typedef struct parabola {
-    double f0, f1, f2;
-} parabola;
+/* A value at the first row, its change to the next, and the change of that. */
+typedef struct course {
+    double value, step, bend;
+} course;
 
-static parabola through(const double v[3], double fa, double fb, double fc) {
-    double ab = (fb - fa) / (v[1] - v[0]), bc = (fc - fb) / (v[2] - v[1]);
-    return (parabola){fa, ab, (bc - ab) / (v[2] - v[0])};
+/* The course from row `first` of the parabola that has three values at v. */
+static course through(const double v[3], double a, double b, double c, int first) {
+    double ab = (b - a) / (v[1] - v[0]), bc = (c - b) / (v[2] - v[1]);
+    double bend = (bc - ab) / (v[2] - v[0]), from0 = first - v[0], from1 = first - v[1];
+    return (course){a + from0 * (ab + from1 * bend), ab + (from0 + from1 + 1) * bend, 2 * bend};
 }
 
-/* A stretch of the line: where it crosses the rows first .. end - 1. */
+/* A stretch of the line: how it crosses the rows first .. end - 1. */
 typedef struct stretch {
     int first, end;
-    double v[3];
-    parabola u, t;
-    double across, widen; /* px across the line per px of the row: at v[0], and its change */
-    float along;          /* px along the line per px of the row */
-    int clear, own;       /* px to keep from another edge; within which it is this one */
+    course u, t;     /* place in the row, and along the line from its middle */
+    course across;   /* px across the line per px of the row */
+    float per_along; /* px of the row per px along the line */
+    float to_end;    /* px from the line's middle to its end */
+    int clear;       /* px to keep from another edge */
+    int own;         /* px within which a point is this edge's */
 } stretch;
 
 /* How far one px along the row is across the line where its slope is du/dv. */
@@ -66,7 +81,7 @@ static double across_at(const rows *r, const row_line *l, const node *a, double 
 }
 
 /* From t0 to t1. False when the line does not go through the rows one by one. */
-static bool stretch_make(rows *r, const row_line *l, double t0, double t1, float blur,
+static bool stretch_make(const rows *r, const row_line *l, double t0, double t1, float blur,
                          stretch *s) {
     node a = node_at(r, l, t0, 0), m = node_at(r, l, (t0 + t1) / 2, 0), b = node_at(r, l, t1, 0);
     if (a.v > b.v) {
@@ -76,35 +91,98 @@ static bool stretch_make(rows *r, const row_line *l, double t0, double t1, float
     int lines = r->columns ? r->image->width : r->image->height;
     if (!(m.v > a.v && b.v > m.v && a.v < lines && b.v > -1))
         return false;
-    s->v[0] = a.v, s->v[1] = m.v, s->v[2] = b.v;
-    s->u = through(s->v, a.u, m.u, b.u);
-    s->t = through(s->v, a.t, m.t, b.t);
-    double bend = s->u.f2 * (b.v - a.v), slope = s->u.f1 + bend / 2;
-    s->across = across_at(r, l, &a, slope - bend);
-    s->widen = (across_at(r, l, &b, slope + bend) - s->across) / (b.v - a.v);
-    r->slant = (float)sqrt(1 + slope * slope);
-    s->along = (float)fabs(slope) / r->slant;
-    s->clear = (int)((float)CLEAR * blur * r->slant + 0.5f);
-    s->own = s->clear < 4 ? 2 : s->clear < 10 ? s->clear / 2 : 5;
+    double v[3] = {a.v, m.v, b.v}, middle = l->length / 2;
+    double slope = (b.u - a.u) / (b.v - a.v), first, last;
     s->first = a.v > 0 ? (int)ceil(a.v) : 0;
     s->end = b.v < lines ? (int)ceil(b.v) : lines;
+    s->u = through(v, a.u, m.u, b.u, s->first);
+    s->t = through(v, a.t - middle, m.t - middle, b.t - middle, s->first);
+    first = across_at(r, l, &a, slope - s->u.bend / 2 * (b.v - a.v));
+    last = across_at(r, l, &b, slope + s->u.bend / 2 * (b.v - a.v));
+    s->across = through(v, first, (first + last) / 2, last, s->first);
+    s->per_along = (float)(sqrt(1 + slope * slope) / fmax(fabs(slope), 1e-3));
+    s->to_end = (float)middle;
+    s->clear = (int)((float)CLEAR * blur * r->slant + 0.5f);
+    s->own = s->clear < 4 ? 2 : s->clear < 10 ? s->clear / 2 : 5;
     return true;
 }
 
-/* The half-width that other edges, the border and the line's end leave to a row, px. `at` is the
- * first pixel behind the line, `near` the nearest. */
-INLINE int room(const rows *r, const stretch *s, int line, int at, int near, float to_end) {
-    int width = r->columns ? r->image->height : r->image->width;
-    int half = at < width - at ? at : width - at;
-    half = half < STEP_HALF ? half : STEP_HALF;
-    if (half < STEP_MIN)
-        return 0;
+/* The half-width that other edges leave to a row, px. `near` is the pixel nearest to the line. */
+INLINE int room_between(const rows *r, const stretch *s, int line, int near) {
     int d = crowd_nearest(r->crowd, r->columns, line, near, s->own), middle = (d + 1) / 2;
-    int free = d - s->clear > middle ? d - s->clear : middle;
-    half = half < free ? half : free;
-    if ((float)half * s->along > to_end - (float)END)
-        half = (int)((to_end - (float)END) / s->along);
-    return half;
+    return d - s->clear > middle ? d - s->clear : middle;
+}
+
+/* The one that the border and the line's end leave. `at` is the first pixel behind the line. */
+INLINE int room_inside(const stretch *s, int at, int width, float to_end) {
+    float before_end = (to_end - (float)END) * s->per_along;
+    int half = (int)(before_end < STEP_HALF ? before_end : STEP_HALF);
+    half = half < at ? half : at;
+    return half < width - at ? half : width - at;
+}
+
+/* Appends the rows of a stretch that have room. */
+static void place(rows *r, const stretch *s) {
+    int width = r->columns ? r->image->height : r->image->width;
+    float *along = (float *)r->t, *across = (float *)r->across, *shift = (float *)r->shift;
+    course u = s->u, t = s->t, c = s->across;
+    uint32_t n = r->n;
+    for (int i = s->first; i < s->end && n < r->max; i++) {
+        double x = u.value;
+        float to_end = s->to_end - fabsf(along[n] = (float)t.value);
+        across[n] = (float)c.value;
+        u.value += u.step, u.step += u.bend;
+        t.value += t.step, t.step += t.bend;
+        c.value += c.step;
+        if (!(x > 0 && x < width - 1))
+            continue;
+        int before = (int)x;
+        float part = (float)(x - before);
+        int half = room_inside(s, before + 1, width, to_end);
+        int between = room_between(r, s, i, before + (part > 0.5f));
+        half = half < between ? half : between;
+        if (half < STEP_MIN)
+            continue;
+        r->crowded += between == STEP_MIN;
+        int cell = (int)(part * STEP_PHASES); /* a filter's phase counts from the pixel behind */
+        shift[n] = part - ((float)cell + 0.5f) / STEP_PHASES;
+        r->place[n++] = (row_place){(int16_t)i, (int16_t)(before + 1), (uint8_t)half,
+                                    (uint8_t)(STEP_PHASES - 1 - cell)};
+    }
+    r->n = n;
+}
+
+/* Whether rows or columns cut the line, and how slantwise. */
+static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
+    r->columns = false;
+    node a = node_at(r, l, t0, 0), b = node_at(r, l, t1, 0);
+    double along = fabs(b.v - a.v), across = fabs(b.u - a.u);
+    r->columns = across > along;
+    double slope = r->columns ? along / across : across / along;
+    r->slant = slope < 1 ? (float)sqrt(1 + slope * slope) : (float)M_SQRT2;
+}
+
+/* Repeats the last row until they are whole fours. */
+static void fill_up(rows *r) {
+    float *t = (float *)r->t, *across = (float *)r->across, *shift = (float *)r->shift;
+    for (uint32_t i = r->n; i % 4 && r->n > 0; i++)
+        t[i] = t[i - 1], across[i] = across[i - 1], shift[i] = shift[i - 1];
+}
+
+void rows_trace(rows *r, const row_line *l, double trim, float blur) {
+    double t0 = trim, t1 = l->length - trim;
+    r->n = r->crowded = 0;
+    if (!(t1 > t0))
+        return;
+    choose_rows(r, l, t0, t1);
+    int blocks = r->lens ? 1 + (int)((t1 - t0) / BLOCK) : 1;
+    for (int k = 0; k < blocks; k++) {
+        stretch s;
+        double from = t0 + (t1 - t0) * k / blocks, to = t0 + (t1 - t0) * (k + 1) / blocks;
+        if (stretch_make(r, l, from, to, blur, &s))
+            place(r, &s);
+    }
+    fill_up(r);
 }
 
 /* ---- what is there -------------------------------------------------------------------------- */
@@ -135,12 +213,12 @@ static void fetch_some(const uint8_t *p, ptrdiff_t step, bool wide, int half, fo
 
 /* The pixels around the place before pixel `at` of a row, those within `half` less the base and the
  * others 0. */
-INLINE void fetch(const rows *r, int line, int at, int half, four *px) {
+INLINE void fetch(const rows *r, const row_place *q, float base, four *px) {
     const arris_image *im = r->image;
-    const four *inside = r->steps->inside[half - STEP_MIN];
+    const four *inside = r->steps->inside[q->half - STEP_MIN];
     ptrdiff_t size = (ptrdiff_t)im->format, step = r->columns ? im->stride : size;
-    int width = r->columns ? im->height : im->width;
-    const uint8_t *p = im->data + line * (r->columns ? size : im->stride);
+    int width = r->columns ? im->height : im->width, at = q->at, half = q->half;
+    const uint8_t *p = im->data + q->line * (r->columns ? size : im->stride);
     if (at < STEP_HALF || at > width - STEP_HALF || size == 2)
         fetch_some(p + (at - half) * step, step, size == 2, half, px);
     else if (r->columns)
@@ -148,7 +226,7 @@ INLINE void fetch(const rows *r, int line, int at, int half, four *px) {
     else
         widen(p + at - STEP_HALF, px);
     for (int k = 0; k < 4; k++)
-        px[k] = (px[k] - r->base) * inside[k];
+        px[k] = (px[k] - base) * inside[k];
 }
 
 /* The filters' answers to a row. */
@@ -165,102 +243,79 @@ INLINE void filter(const step_filter *f, const four *px, eight *answer) {
     *answer = (a + b) + (c + d);
 }
 
-INLINE void add(row_sums *s, const row *q, const four *px) {
-    const step_filter *f = q->filter;
-    eight answer = f->response * q->answer, weight = f->response * f->response;
+INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t, const four *px) {
+    eight answer = f->response * *answers, weight = f->response * f->response;
     s->answer += answer;
-    s->answer_t += answer * q->t;
+    s->answer_t += answer * t;
     s->weight += weight;
-    s->weight_t += weight * q->t;
-    s->weight_tt += weight * (q->t * q->t);
+    s->weight_t += weight * t;
+    s->weight_tt += weight * (t * t);
     s->squares += px[0] * px[0] + px[1] * px[1] + (px[2] * px[2] + px[3] * px[3]);
-    s->explained += q->answer * q->answer;
+    s->explained += *answers * *answers;
     s->step += f->sum;
-    s->tilt += f->response[STEP_CONTRAST] * f->tilt * q->answer[STEP_SLOPE];
+    s->tilt += f->response[STEP_CONTRAST] * f->tilt * (*answers)[STEP_SLOPE];
     s->dof += f->dof;
 }
 
-INLINE void measure(rows *r, const stretch *s, const step_filter *filters, double length) {
-    int width = r->columns ? r->image->height : r->image->width;
-    for (int i = s->first; i < s->end && r->n < r->max; i++) {
-        double v0 = i - s->v[0], v1 = i - s->v[1];
-        double x = s->u.f0 + v0 * (s->u.f1 + v1 * s->u.f2);
-        double t = s->t.f0 + v0 * (s->t.f1 + v1 * s->t.f2);
-        if (!(x > 0 && x < width - 1))
-            continue;
-        int before = (int)x;
-        float part = (float)(x - before), to_end = (float)(t < length - t ? t : length - t);
-        int half = room(r, s, i, before + 1, before + (part > 0.5f), to_end);
-        if (half < STEP_MIN)
-            continue;
-        int cell = (int)(part * STEP_PHASES); /* the filters count from the pixel behind */
-        row *q = &r->item[r->n++];
+INLINE void measure(rows *r, const step_filter (*filters)[STEP_PHASES], float base) {
+    const float *t = (const float *)r->t;
+    float *answer = (float *)r->answer, *response = (float *)r->response;
+    float *gain = (float *)r->gain, *slopes = (float *)r->slopes, *unsure = (float *)r->unsure;
+    for (uint32_t i = 0; i < r->n; i++) {
+        const row_place *q = &r->place[i];
+        const step_filter *f = &filters[q->half - STEP_MIN][q->phase];
         four px[STEP_WIDTH / 4];
-        q->filter = filters + (half - STEP_MIN) * STEP_PHASES + STEP_PHASES - 1 - cell;
-        q->t = (float)(t - length / 2);
-        q->across = (float)(s->across + v0 * s->widen);
-        q->shift = part - ((float)cell + 0.5f) / STEP_PHASES;
-        fetch(r, i, before + 1, half, px);
-        filter(q->filter, px, &q->answer);
-        add(&r->sum, q, px);
-        r->sum.wide += half >= TELLS_SLOPES;
+        eight a;
+        fetch(r, q, base, px);
+        filter(f, px, &a);
+        add(&r->sum, f, &a, t[i], px);
+        r->sum.wide += q->half >= TELLS_SLOPES;
+        answer[i] = a[STEP_OFFSET];
+        response[i] = f->response[STEP_OFFSET];
+        gain[i] = f->gain;
+        slopes[i] = f->kink * a[STEP_KINK] + f->slope * a[STEP_SLOPE];
+        unsure[i] = f->unsure;
     }
 }
 
-static void measure_portable(rows *r, const stretch *s, const step_filter *f, double length) {
-    measure(r, s, f, length);
+static void measure_portable(rows *r, const step_filter (*f)[STEP_PHASES], float base) {
+    measure(r, f, base);
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) static void measure_avx2(rows *r, const stretch *s,
-                                                         const step_filter *f, double length) {
-    measure(r, s, f, length);
+__attribute__((target("avx2"))) static void
+measure_avx2(rows *r, const step_filter (*f)[STEP_PHASES], float base) {
+    measure(r, f, base);
 }
-#else
-#define measure_avx2 measure_portable
 #endif
 
-void rows_measure(rows *r, const row_line *l, double trim, float blur, float base) {
-    r->n = 0;
-    r->base = base;
+void rows_measure(rows *r, int scale, float base) {
+    const step_filter(*filters)[STEP_PHASES] = r->steps->f[scale];
     r->sum = (row_sums){0};
-    r->columns = false;
-    double t0 = trim, t1 = l->length - trim;
-    if (!(t1 > t0))
+#if defined(__x86_64__)
+    if (!r->portable && __builtin_cpu_supports("avx2")) {
+        measure_avx2(r, filters, base);
         return;
-    node a = node_at(r, l, t0, 0), b = node_at(r, l, t1, 0);
-    r->columns = fabs(b.u - a.u) > fabs(b.v - a.v);
-    int blocks = r->lens ? 1 + (int)((t1 - t0) / BLOCK) : 1;
-    for (int k = 0; k < blocks; k++) {
-        stretch s;
-        if (!stretch_make(r, l, t0 + (t1 - t0) * k / blocks, t0 + (t1 - t0) * (k + 1) / blocks,
-                          blur, &s))
-            continue;
-        const step_filter *f = r->steps->f[step_scale(blur * r->slant)][0];
-        (r->portable ? measure_portable : measure_avx2)(r, &s, f, l->length);
     }
+#endif
+    measure_portable(r, filters, base);
 }
 
 /* ---- a first look --------------------------------------------------------------------------- */
 
-static int inside(double x, int n) {
-    return x > 0 ? x < n - 1 ? (int)(x + 0.5) : n - 1 : 0;
-}
-
-static double level_at(const rows *r, const row_line *l, double t, double d) {
+static double level_at(const rows *r, const row_place *q, int d) {
     const arris_image *im = r->image;
-    node a = node_at(r, l, t, d);
-    const uint8_t *p = im->data + inside(a.v, im->height) * im->stride;
-    int x = inside(a.u, im->width);
+    int u = q->at + d, x = r->columns ? q->line : u, y = r->columns ? u : q->line;
+    const uint8_t *p = im->data + y * im->stride;
     return im->format == ARRIS_GREY16 ? ((const uint16_t *)(const void *)p)[x] : p[x];
 }
 
-void rows_probe(rows *r, const row_line *l, double d, double *left, double *right) {
-    r->columns = false;
-    *left = *right = 0;
-    for (int k = 0; k < PROBES; k++) {
-        double t = l->length * (k + 0.5) / PROBES;
-        *left += level_at(r, l, t, -d) / PROBES;
-        *right += level_at(r, l, t, d) / PROBES;
+void rows_probe(const rows *r, int reach, double *before, double *behind) {
+    *before = *behind = 0;
+    for (uint32_t k = 0; k < PROBES; k++) {
+        const row_place *q = &r->place[r->n * (2 * k + 1) / (2 * PROBES)];
+        int d = q->half < reach ? q->half : reach;
+        *before += level_at(r, q, -d) / PROBES;
+        *behind += level_at(r, q, d - 1) / PROBES;
     }
 }

@@ -2,10 +2,10 @@
  *
  * rows.h: the grey levels across a line, as the picture has them.
  *
- * A line that is steep in the picture is cut by the picture's rows, another by its columns; both are
- * called rows here. Every pixel near the line belongs to one row, none is interpolated, so noise
- * stays white. The line may be in ideal coordinates while the picture is the lens's: then it is bent
- * there, and each row knows where it crosses and by how much an offset grows.
+ * A line that is steep in the picture is cut by the picture's rows, another by its columns; both
+ * are called rows here. Every pixel near the line belongs to one row, none is interpolated, so
+ * noise stays white. The line may be in ideal coordinates while the picture is the lens's: then it
+ * is bent there, and each row knows where it crosses and by how much an offset grows.
  */
 #ifndef ROWS_H
 #define ROWS_H
@@ -18,25 +18,23 @@ typedef struct row_line {
     double x, y, dx, dy, length;
 } row_line;
 
-/* One row: how far the step stands behind where the filter assumes it, px of the row, when it is on
- * the line. */
-typedef struct row {
-    eight answer; /* of the filters, grey levels; that of the mean is relative to `base` */
-    const step_filter *filter;
-    float t;      /* place along the line from its middle, px */
-    float across; /* px across the line, to its right, per px of the row */
-    float shift;  /* px of the row from the place that the filter assumes to the line */
-} row;
+/* Where a row is in the picture. */
+typedef struct row_place {
+    int16_t line; /* its number */
+    int16_t at;   /* the first pixel behind the line */
+    uint8_t half; /* px to either side that are free of other edges */
+    uint8_t phase;
+} row_place;
 
 /* Sums over the rows; those of lanes are weighted by the filters' responses. */
 typedef struct row_sums {
-    eight answer, answer_t;    /* answers, and times t */
+    eight answer, answer_t;            /* answers, and times t */
     eight weight, weight_t, weight_tt; /* responses, and times t, t² */
-    float step, tilt;          /* Phi over all pixels; what slopes add to the contrast's answers */
-    four squares;              /* of the pixels, spread over the lanes */
-    eight explained;           /* of the answers */
-    float dof;                 /* pixels less filters */
-    uint32_t wide;             /* rows that can tell slopes */
+    four squares;                      /* of the pixels, spread over the lanes */
+    eight explained;                   /* of the answers */
+    float step, tilt; /* Phi over all pixels; what slopes add to the contrast's answers */
+    float dof;        /* pixels less filters */
+    uint32_t wide;    /* rows that can tell slopes */
 } row_sums;
 
 typedef struct rows {
@@ -46,23 +44,37 @@ typedef struct rows {
     const arris_camera *lens; /* NULL: the line's coordinates are the picture's */
     bool portable;            /* without what only some machines have; the same bits */
     uint32_t n, max;
-    row *item;
+    uint32_t crowded; /* rows to which another edge leaves the least room */
+    bool columns;     /* the rows are columns of the picture */
+    float slant;      /* px of a row that the step covers per px across it */
     row_sums sum;
-    bool columns; /* the rows are columns of the picture */
-    float slant;  /* px of a row that the step covers per px across it */
-    float base;
+    /* of each row, in fours; the last four are filled up with copies */
+    row_place *place;
+    four *t;        /* place along the line from its middle, px */
+    four *across;   /* px across the line, to its right, per px of the row */
+    four *shift;    /* px of the row from the place that the filter assumes to the line */
+    four *answer;   /* of the filter of the offset, grey levels */
+    four *response; /* of that filter to a px of offset, per level of contrast (step.h) */
+    four *gain;     /* of the response with blur (step.h) */
+    four *slopes;   /* what slopes beside the line add to the answer */
+    four *unsure;   /* how much sigma grows, relatively, when that is taken out */
 } rows;
 
 /* Reserves rows for pictures of up to this size. 0 or ARRIS_E_MEMORY; rows_free in either case. */
 int rows_init(rows *r, int width, int height);
 void rows_free(rows *r);
 
-/* Measures the rows of a line by the filters for a blur of `blur` px. Those nearer than `trim` px to
- * an end are left out, and those where another edge, the border or the line's end leaves less than
- * STEP_MIN px to either side. `base` is a level that is taken off first. */
-void rows_measure(rows *r, const row_line *l, double trim, float blur, float base);
+/* Finds the rows of a line. Those nearer than `trim` px to an end are left out, and those where
+ * another edge, the border or the line's end leaves less than STEP_MIN px to either side. `blur` is
+ * the step's as far as it is known, px. */
+void rows_trace(rows *r, const row_line *l, double trim, float blur);
 
-/* The mean grey levels `d` px to the left and to the right of the line, from a few places. */
-void rows_probe(rows *r, const row_line *l, double d, double *left, double *right);
+/* The mean grey levels before and behind the line in a few of the rows, `reach` px from it or as
+ * far as the row goes. There must be rows. */
+void rows_probe(const rows *r, int reach, double *before, double *behind);
+
+/* Measures the rows by the filters of a scale. `base` is a grey level near those of the step, taken
+ * off first to keep the digits. */
+void rows_measure(rows *r, int scale, float base);
 
 #endif

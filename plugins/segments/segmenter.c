@@ -12,9 +12,12 @@
 #include "refit.h"
 #include "split.h"
 
-#define SHORTEST 5.0    /* px: a shorter piece joins nothing */
-#define CORRELATED 3.5  /* points that a Gaussian of 1 px makes one: 2 sqrt(pi) sigma */
-#define ROUNDING (1. / 12)
+#define SHORTEST 5.0       /* px: a shorter piece joins nothing */
+#define CORRELATED 3.5     /* points that a Gaussian of 1 px makes one: 2 sqrt(pi) sigma */
+#define ROUNDING (1. / 12) /* px², of a coordinate */
+#define FAR 1e6            /* px: no coordinate is beyond */
+
+enum { MOST = 32768 };
 
 struct segmenter {
     segmenter_params p;
@@ -22,13 +25,14 @@ struct segmenter {
     uint32_t max_pieces, max_chain;
     uint32_t n, lost; /* pieces */
     piece *pieces, *heads[PIECE_HEADS];
-    uint32_t *corner;       /* of one chain */
-    arris_edge_point *raw;  /* one chain, rounded to pixels */
+    uint32_t *corner;      /* of one chain */
+    arris_edge_point *raw; /* one chain, rounded to pixels */
     refitter *refitter;
 };
 
 size_t segmenter_max(int width, int height) {
-    return 64 + (size_t)width * height / 96;
+    size_t n = (size_t)width * height / 96;
+    return 64 + (n < MOST ? n : MOST);
 }
 
 segmenter *segmenter_new(int width, int height, const segmenter_params *p) {
@@ -61,6 +65,10 @@ void segmenter_free(segmenter *s) {
     free(s);
 }
 
+void segmenter_portable(segmenter *s) {
+    refitter_portable(s->refitter);
+}
+
 /* ---- pieces --------------------------------------------------------------------------------- */
 
 static const arris_edge_point *rounded(segmenter *s, const arris_edge_point *p, uint32_t n) {
@@ -81,10 +89,14 @@ static void add_chain(segmenter *s, const arris_edge_point *p, uint32_t n, uint3
         uint32_t a = s->corner[k], b = s->corner[k + 1];
         if (!raw && hypotf(p[b].x - p[a].x, p[b].y - p[a].y) < (float)SHORTEST)
             continue;
-        if (s->n < s->max_pieces)
-            s->pieces[s->n++] = piece_make(p + a, b - a + 1, chain, raw);
-        else
+        piece *q = &s->pieces[s->n];
+        if (s->n == s->max_pieces) {
             s->lost++;
+            continue;
+        }
+        *q = piece_make(p + a, b - a + 1, chain, raw);
+        s->n += fabs(q->x1) < FAR && fabs(q->y1) < FAR && fabs(q->x2) < FAR && fabs(q->y2) < FAR &&
+                isfinite(q->xx + q->yy + q->gx + q->gy);
     }
 }
 
@@ -133,8 +145,8 @@ static void measure(segmenter *s, const piece *p, float noise, bool look, arris_
     if (!(length >= s->p.min_length))
         return;
     if (look) {
-        refit_start start = {p->x1, p->y1, p->x2, p->y2,
-                             (p->gy * p->dx - p->gx * p->dy) / p->n, (double)noise};
+        refit_start start = {
+            p->x1, p->y1, p->x2, p->y2, (p->gy * p->dx - p->gx * p->dy) / p->n, (double)noise};
         if (!refit(s->refitter, &start, &found))
             return;
     } else {

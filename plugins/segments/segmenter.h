@@ -26,7 +26,7 @@ typedef struct segmenter_params {
 } segmenter_params;
 
 #define SEGMENTER_DEFAULTS                                                                         \
-    { 2, 0.05, 2, 10, SEGMENTER_REFIT }
+    { 2, 0.05, 2, 12, SEGMENTER_REFIT }
 
 /* How many segments a layer should hold for a picture of this size. */
 size_t segmenter_max(int width, int height);
@@ -34,6 +34,9 @@ size_t segmenter_max(int width, int height);
 /* Reserves all that pictures of up to this size need. NULL: no memory. */
 segmenter *segmenter_new(int width, int height, const segmenter_params *p);
 void segmenter_free(segmenter *s); /* NULL is allowed */
+
+/* For tests: leaves out what only some machines have. */
+void segmenter_portable(segmenter *s);
 
 /* The segments of `edges` into `out`, whose array and capacity the caller has set; the rest of
  * `out` is overwritten. `image` is what the edges are from, of a size that segmenter_new knew, or

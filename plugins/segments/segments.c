@@ -19,7 +19,7 @@ static const arris_prop props[] = {
                    "segments are joined when they differ in direction by less than this, and"),
     ARRIS_P_DOUBLE(struct segments, p.linkrad, "linkrad", "2", 0, 100, "px",
                    "are no further apart than this"),
-    ARRIS_P_DOUBLE(struct segments, p.min_length, "min-length", "10", 2, 8192, "px",
+    ARRIS_P_DOUBLE(struct segments, p.min_length, "min-length", "12", 2, 8192, "px",
                    "shorter segments are dropped"),
     ARRIS_P_ENUM(struct segments, p.mode, "mode", "refit", "refit|thesis",
                  "lines fitted to the grey levels, or the chains' raw end points"),
@@ -35,7 +35,8 @@ static int setup(arris_stage *s, void *self, arris_caps *caps) {
 
 static int process(arris_stage *s, void *self, arris_frame *f) {
     struct segments *g = self;
-    const arris_image *image = g->p.mode == SEGMENTER_REFIT ? arris_layer_get(f, ARRIS_IMAGE) : NULL;
+    const arris_image *image =
+        g->p.mode == SEGMENTER_REFIT ? arris_layer_get(f, ARRIS_IMAGE) : NULL;
     arris_segments *out = arris_layer_give(s, f, ARRIS_SEGMENTS);
     segmenter_run(g->segmenter, arris_layer_get(f, ARRIS_EDGES), image, out);
     if (out->lost)

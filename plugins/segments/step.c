@@ -80,9 +80,10 @@ static void make(step_filter *f, double s, int half, double shift) {
         return;
     double kink = dot(q[STEP_OFFSET], v[STEP_KINK]) / length[STEP_KINK];
     f->kink = (float)kink;
-    f->slope = (float)((dot(q[STEP_OFFSET], v[STEP_SLOPE]) -
-                        kink * dot(q[STEP_KINK], v[STEP_SLOPE])) /
-                       length[STEP_SLOPE]);
+    f->slope =
+        (float)((dot(q[STEP_OFFSET], v[STEP_SLOPE]) - kink * dot(q[STEP_KINK], v[STEP_SLOPE])) /
+                length[STEP_SLOPE]);
+    f->unsure = sqrtf(1 + f->kink * f->kink + f->slope * f->slope) - 1;
     f->tilt = (float)(dot(q[STEP_CONTRAST], v[STEP_SLOPE]) / length[STEP_SLOPE]);
 }
 

@@ -3,10 +3,10 @@
  * step.h: linear filters that measure a blurred step, lo + (hi - lo) Phi(d / s), in one row of
  * pixels across it.
  *
- * The row's model is linearised at the place where the step is thought to be, and its parts are made
- * orthonormal in this order: the mean level, the step, its offset, its blur, a slope that differs
- * between the two sides, a slope common to both. So each filter's answer has the variance of one
- * pixel's noise and is independent of the others', and both levels are free in every row.
+ * The row's model is linearised at the place where the step is thought to be, and its parts are
+ * made orthonormal in this order: the mean level, the step, its offset, its blur, a slope that
+ * differs between the two sides, a slope common to both. So each filter's answer has the variance
+ * of one pixel's noise and is independent of the others', and both levels are free in every row.
  */
 #ifndef STEP_H
 #define STEP_H
@@ -23,8 +23,8 @@ enum {
 
 enum { STEP_MEAN, STEP_CONTRAST, STEP_OFFSET, STEP_BLUR, STEP_KINK, STEP_SLOPE, STEP_FILTERS };
 
-/* For one blur, half-width and phase. Pixel j is j - STEP_HALF + (phase + 0.5) / STEP_PHASES px from
- * the step; those outside of the half-width have weight 0. */
+/* For one blur, half-width and phase. Pixel j is j - STEP_HALF + (phase + 0.5) / STEP_PHASES px
+ * from the step; those outside of the half-width have weight 0. */
 typedef struct step_filter {
     eight w[STEP_WIDTH]; /* of each pixel in each filter */
     /* What the filters answer to one level, one level of contrast, and per level of contrast one px
@@ -32,6 +32,7 @@ typedef struct step_filter {
     eight response;
     float gain;        /* by how much that to an offset grows, relatively, as the blur does by e */
     float kink, slope; /* what slopes add to the offset's answer, per their own answers */
+    float unsure;      /* how much sigma grows, relatively, when that is taken out */
     float tilt;        /* and the common slope to the contrast's */
     float sum;         /* of Phi over the row */
     float dof;         /* pixels less filters */
@@ -39,7 +40,8 @@ typedef struct step_filter {
 
 typedef struct step_table {
     step_filter f[STEP_SCALES][STEP_HALF + 1 - STEP_MIN][STEP_PHASES];
-    four inside[STEP_HALF + 1 - STEP_MIN][STEP_WIDTH / 4]; /* 1 for the pixels within a half-width, 0 else */
+    four inside[STEP_HALF + 1 - STEP_MIN]
+               [STEP_WIDTH / 4]; /* 1 for the pixels within a half-width, 0 else */
 } step_table;
 
 void step_init(step_table *t);

@@ -1,0 +1,88 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * huber.c: Newton's steps with modified residuals (Huber, Robust Statistics, 7.8; huber.h).
+ */
+#include "huber.h"
+
+#include <math.h>
+
+#define LIMIT 2.f   /* sigma beyond which an offset counts less */
+#define INLIERS 0.7 /* share of the offsets that must be within */
+#define MOST 1e5f   /* sigma: no limit is beyond */
+#define CHANCE 4.0  /* sigma from which waves are no chance */
+
+enum { STEPS = 2, BLOCKS = 8 };
+
+static void find_normal(const huber_data *d, huber_line *l) {
+    four w0 = {0}, w1 = {0}, w2 = {0};
+    for (uint32_t i = 0; i * 4 < d->n; i++) {
+        four ww = d->weight[i] * d->weight[i], wt = ww * d->t[i];
+        w0 += ww, w1 += wt, w2 += wt * d->t[i];
+    }
+    l->normal[0] = (double)four_sum(w0);
+    l->normal[1] = (double)four_sum(w1);
+    l->normal[2] = (double)four_sum(w2);
+}
+
+/* One step towards the line whose residuals, at most `limit` each, are orthogonal to it. Returns
+ * the share of the offsets whose residuals were smaller. */
+static double step(const huber_data *d, huber_line *l, float limit) {
+    four offset = (four){0} + (float)l->offset, slope = (four){0} + (float)l->slope;
+    four most = (four){0} + limit, q0 = {0}, q1 = {0}, square = {0};
+    four_bits out = {0};
+    for (uint32_t i = 0; i * 4 < d->n; i++) {
+        four e = (d->offset[i] - offset - slope * d->t[i]) * d->weight[i];
+        four_bits over = e > most, under = e < -most;
+        out -= over + under; /* true is -1 */
+        e = four_choose(over, most, four_choose(under, -most, e));
+        square += e * e;
+        e *= d->weight[i];
+        q0 += e, q1 += e * d->t[i];
+    }
+    double *w = l->normal, a = (double)four_sum(q0), b = (double)four_sum(q1);
+    double det = w[0] * w[2] - w[1] * w[1];
+    l->misfit = (double)four_sum(square);
+    l->offset += (w[2] * a - w[1] * b) / det;
+    l->slope += (w[0] * b - w[1] * a) / det;
+    return 1 - (double)(out[0] + out[1] + out[2] + out[3]) / d->n;
+}
+
+/* Where the offsets scatter by more than the weights claim, the limit grows with it. */
+void huber_fit(const huber_data *d, huber_line *l) {
+    float limit = LIMIT;
+    double share = 0;
+    l->offset = l->slope = 0;
+    find_normal(d, l);
+    step(d, l, INFINITY);
+    for (int k = 0; k < STEPS && share < 1 && limit < MOST;) {
+        share = step(d, l, limit);
+        if (share < INLIERS)
+            limit *= 2;
+        else
+            k++;
+    }
+    l->spread = l->misfit / ((d->n - 2) * share * share);
+}
+
+double huber_beyond_chance(double variance, double dof, double sigma) {
+    return variance > 1 + sigma * sqrt(2 / dof) ? variance : 1;
+}
+
+double huber_waves(const huber_data *d, const huber_line *l) {
+    const float *offset = (const float *)d->offset, *weight = (const float *)d->weight;
+    const float *t = (const float *)d->t;
+    uint32_t size = d->n / BLOCKS > 4 ? d->n / BLOCKS : 4, blocks = d->n / size;
+    double square = 0;
+    if (blocks < 3)
+        return 1;
+    for (uint32_t k = 0; k < blocks; k++) {
+        double sum = 0, w = 0;
+        for (uint32_t i = k * size; i < (k + 1) * size; i++) {
+            double ww = (double)(weight[i] * weight[i]);
+            sum += ww * ((double)offset[i] - l->offset - l->slope * (double)t[i]);
+            w += ww;
+        }
+        square += sum * sum / w;
+    }
+    return huber_beyond_chance(square / (blocks - 2), blocks - 2, CHANCE);
+}
