@@ -5,6 +5,7 @@
 #   make test       install what is missing, build, run every test
 #   make check      the tests under ASan and UBSan, TSan, valgrind; a minute of each fuzzer
 #   make bench      speed and accuracy beside others, in one run
+#   make experiments   the thesis's comparisons of detectors and of settings, with figures
 #   make lint       format, headers alone, shell scripts        make format  put the format right
 #   make install    PREFIX=/usr/local, DESTDIR=                 make uninstall
 
@@ -28,8 +29,8 @@ common_src := $(sort $(wildcard plugins/common/*.c))
 plugins    := $(filter-out common,$(notdir $(patsubst %/,%,$(sort $(wildcard plugins/*/)))))
 headers    := core/arris.h core/arris_plugin.h core/arris_geometry.h core/arris_types.h
 
-.PHONY: all demo test check bench lint format install uninstall clean setup-% \
-        run-tests run-valgrind run-fuzz fuzzers
+.PHONY: all demo test check bench experiments lint format install uninstall clean setup-% \
+        run-experiments run-tests run-valgrind run-fuzz fuzzers
 .DELETE_ON_ERROR:
 .SECONDARY:
 all: $(B)/arris $(plugins:%=$(B)/lib/arris/%.stages)
@@ -99,7 +100,7 @@ $(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
 # ---- set-up: installs the Debian packages that are missing, and says which --------------------
 
 packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev \
-                  libopencv-core-dev libopencv-imgproc-dev libeigen3-dev
+                  libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev libeigen3-dev
 packages_test  := $(packages_build) libcmocka-dev
 packages_check := $(packages_test) clang libclang-rt-14-dev valgrind
 packages_bench := $(packages_test) libgstreamer1.0-dev libopencv-contrib-dev
@@ -183,6 +184,19 @@ $(B)/bench/%: $$(call obj,$$(wildcard tests/bench/$$*.c tests/bench/$$*.cc)) \
 	@mkdir -p $(@D)
 	$(call say,MAKE,$@)
 	$(Q)$(CXX) -o $@ $^ $(ldflags) $(foreach p,$($*_uses) $* common,$(call pkg_libs,$(p))) -lm -lpthread -ldl
+
+# ---- experiments: figures and tables of the thesis's, samples/experiments ----------------------
+
+experiments: setup-build
+	@$(MAKE) --no-print-directory run-experiments
+run-experiments: all $(B)/experiments/experiments.so
+	@B=$(B) samples/experiments/features/run.sh
+	@echo; B=$(B) samples/experiments/tuning/run.sh
+$(B)/experiments/experiments.so: $(call obj,$(wildcard samples/experiments/*.c samples/experiments/*/*.c)) \
+        $(B)/lib/libarris.so.1
+	@mkdir -p $(@D)
+	$(call say,MAKE,$@)
+	$(Q)$(CC) -shared -o $@ $(filter %.o,$^) -L$(B)/lib -larris $(ldflags) -Wl,-rpath,'$$ORIGIN/../lib' -lpng -lm
 
 # ---- install ----------------------------------------------------------------------------------
 
