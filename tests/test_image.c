@@ -767,7 +767,10 @@ static void paced_and_stopped(void **state) {
     arris_free(p);
 }
 
-int main(void) {
+/* An argument chooses tests by name, as "*size*". */
+int main(int argc, char **argv) {
+    if (argc > 1)
+        cmocka_set_test_filter(argv[1]);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_kind_of_picture),
         cmocka_unit_test(cut_off_at_every_byte),

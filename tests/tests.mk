@@ -1,5 +1,5 @@
 # What the test programs link beside core and the plugin of their own name.
-valgrind_tests := image
+valgrind_tests := image:* edges:*tiny* segments:any_size
 test-parts: $(B)/report
 bench_runtime_PKGS := gstreamer-1.0
 fuzz_frames_uses := image
@@ -14,3 +14,10 @@ $(test_shared): $(B)/tests/%.so: $(B)/obj/tests/%.c.o
 	@mkdir -p $(@D)
 	$(call say,MAKE,$@)
 	$(Q)$(CC) -shared -o $@ $< $(ldflags) -ldl
+
+test_segments_uses := edges
+bench_accuracy_uses := edges segments
+bench_edges_uses := edges
+bench_edges_CFLAGS := -isystem /usr/include/opencv4 -Iplugins/edges -Wno-conversion
+bench_edges_LIBS := -lopencv_core -lopencv_imgproc
+bench_edges_PKGS := libpng

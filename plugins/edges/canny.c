@@ -10,9 +10,14 @@
 #include "link.h"
 #include "noise.h"
 
-/* The automatic thresholds, in standard deviations of the gradient's noise, and the least they can
- * be, as a share of white: for pictures without noise, where rounding makes steps of one level. */
-static const double LOW = 6, HIGH = 7.5, FLOOR_LOW = 2.25 / 255, FLOOR_HIGH = 2.6 / 255;
+/* The automatic thresholds, in standard deviations of the gradient's noise. Noise alone exceeds 6
+ * of them in exp(-18) of the pixels: in no point of a picture, let alone in a chain. */
+static const double LOW = 6, HIGH = 7.5;
+/* The least they are, as shares of white: the gradient of a step of 10 levels in 255 behind a lens
+ * that blurs by 0.8 px is above them, and what rounding makes of a ramp is not. */
+static const double FLOOR_LOW = 2.25 / 255, FLOOR_HIGH = 2.6 / 255;
+/* How many times the noise of pixels smeared noise can be; what is more is texture. */
+static const double SMEARED = 3;
 
 struct canny {
     canny_params p;
@@ -63,33 +68,43 @@ void canny_free(canny *c) {
     free(c);
 }
 
-/* The part of `im` inside roi (x, y, width, height). */
-static arris_image crop(const arris_image *im, const int32_t roi[4]) {
+static int32_t least(int32_t a, int32_t b) {
+    return a < b ? a : b;
+}
+
+/* The part of `im` that lies in the region of interest. */
+static arris_image crop(const arris_image *im, const canny_params *p) {
     arris_image part = *im;
-    if (roi[2] == 0)
+    if (p->width == 0)
         return part;
-    int x0 = roi[0] < im->width ? roi[0] : im->width,
-        y0 = roi[1] < im->height ? roi[1] : im->height;
-    part.width = roi[2] < im->width - x0 ? roi[2] : im->width - x0;
-    part.height = roi[3] < im->height - y0 ? roi[3] : im->height - y0;
+    int x0 = least(p->x, im->width), y0 = least(p->y, im->height);
+    part.width = least(p->width, im->width - x0);
+    part.height = least(p->height, im->height - y0);
     part.data += y0 * im->stride + x0 * (int)im->format;
     return part;
 }
 
+/* Sets the thresholds, grey levels per px, where they are automatic. `noise` is that of a pixel. */
+static void set_thresholds(const canny *c, const arris_image *im, int white, double noise,
+                           double *low, double *high) {
+    double g = fmin(noise_of_gradients(im, white, c->p.sigma), SMEARED * noise);
+    g *= gradient_noise(&c->g);
+    *low = c->p.low >= 0 ? c->p.low : fmax(LOW * g, FLOOR_LOW * white);
+    *high = c->p.high >= 0 ? c->p.high : fmax(fmax(HIGH * g, FLOOR_HIGH * white), *low);
+    *low = fmin(*low, *high);
+}
+
 void canny_run(canny *c, const arris_image *im, arris_edges *out) {
-    const int32_t *roi = c->p.roi;
-    arris_image part = crop(im, roi);
+    arris_image part = crop(im, &c->p);
     int shift = gradient_shift(&part), white = (1 << (GRADIENT_BITS - shift)) - 1;
-    float unit = gradient_unit(shift);
+    double unit = gradient_unit(shift), low, high;
     out->n = out->lost = out->n_chains = out->lost_chains = 0;
     out->camera = im->camera;
     out->noise = noise_of_pixels(&part, white);
-    double noise = noise_of_gradients(&part, white, c->p.sigma) * gradient_noise(&c->g);
-    double high = c->p.high >= 0 ? c->p.high : fmax(HIGH * noise, FLOOR_HIGH * white);
-    double low = c->p.low >= 0 ? c->p.low : fmin(fmax(LOW * noise, FLOOR_LOW * white), high);
-    gradient_edgels(&c->g, &part, shift, (float)low / unit, &c->e, c->path);
+    set_thresholds(c, &part, white, out->noise, &low, &high);
+    gradient_edgels(&c->g, &part, shift, (float)(low / unit), &c->e, c->path);
     link_edgels(&c->l, &c->e, part.height);
-    link_chains(&c->l, &c->e, unit, (float)high / unit, (uint32_t)c->p.min_length,
-                roi[2] ? (float)roi[0] : 0, roi[2] ? (float)roi[1] : 0, out, c->path);
+    link_chains(&c->l, &c->e, (float)unit, (float)(high / unit), (uint32_t)c->p.min_length,
+                (float)c->p.x, (float)c->p.y, out, c->path);
     out->lost += c->e.lost;
 }

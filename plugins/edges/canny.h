@@ -20,15 +20,11 @@ typedef struct canny_params {
     double sigma;       /* of the Gaussian, px, 0 to 5; 0: none */
     double low, high;   /* of the gradient, grey levels per px; -1: from the picture's noise */
     int32_t min_length; /* points of a chain */
-    int32_t roi[4];     /* x, y, width, height, px; width 0: the whole picture */
+    int32_t x, y, width, height; /* the region of interest, px; width 0: the whole picture */
 } canny_params;
 
 #define CANNY_DEFAULTS                                                                             \
-    {                                                                                              \
-        1.0, -1, -1, 10, {                                                                         \
-            0, 0, 0, 0                                                                             \
-        }                                                                                          \
-    }
+    { 1, -1, -1, 10, 0, 0, 0, 0 }
 
 /* How many points and chains an edges layer should hold for a picture of this size. */
 size_t canny_max_points(int width, int height);
@@ -38,7 +34,7 @@ size_t canny_max_chains(int width, int height);
 canny *canny_new(int width, int height, const canny_params *p);
 void canny_free(canny *c); /* NULL is allowed */
 
-/* For tests: takes another than the fastest path; false when this machine hasn't got it. */
+/* For tests: takes another path than the fastest; false when this machine hasn't got it. */
 bool canny_set_path(canny *c, enum path path);
 
 /* The chains of `im`, whose size is at most that of canny_new, into `out`, whose arrays and

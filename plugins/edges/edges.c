@@ -17,9 +17,9 @@ struct edges {
 
 static const arris_prop props[] = {
     ARRIS_P_DOUBLE(struct edges, p.sigma, "sigma", "1", 0, 5, "px", "Gaussian before the gradient"),
-    ARRIS_P_DOUBLE_OR(struct edges, p.low, "low", "auto", "auto", 0, 255, "levels/px",
+    ARRIS_P_DOUBLE_OR(struct edges, p.low, "low", "auto", "auto", 0, 65535, "levels/px",
                       "a chain goes on down to this gradient"),
-    ARRIS_P_DOUBLE_OR(struct edges, p.high, "high", "auto", "auto", 0, 255, "levels/px",
+    ARRIS_P_DOUBLE_OR(struct edges, p.high, "high", "auto", "auto", 0, 65535, "levels/px",
                       "a chain has at least one gradient like this"),
     ARRIS_P_INT(struct edges, p.min_length, "min-length", "10", 1, 8192, "points",
                 "shorter chains are dropped"),
@@ -28,13 +28,19 @@ static const arris_prop props[] = {
 
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
     struct edges *e = self;
-    int32_t *r = e->p.roi;
+    canny_params *p = &e->p;
     char rest;
-    if (e->roi && (sscanf(e->roi, "%d,%d,%d,%d%c", &r[0], &r[1], &r[2], &r[3], &rest) != 4 ||
-                   r[0] < 0 || r[1] < 0 || r[2] < 1 || r[3] < 1))
+    if (e->roi &&
+        (sscanf(e->roi, "%9d,%9d,%9d,%9d%c", &p->x, &p->y, &p->width, &p->height, &rest) != 4 ||
+         p->x < 0 || p->x >= caps->width || p->y < 0 || p->y >= caps->height || p->width < 1 ||
+         p->height < 1))
         return arris_fail(s, ARRIS_E_USAGE, "write it as roi=X,Y,WIDTH,HEIGHT, in px",
-                          "roi=%s is not a region", e->roi);
-    e->canny = canny_new(caps->width, caps->height, &e->p);
+                          "roi=%s is no region of a picture of %dx%d", e->roi, caps->width,
+                          caps->height);
+    if (p->low >= 0 && p->high >= 0 && p->low > p->high)
+        return arris_fail(s, ARRIS_E_USAGE, "give a low that is at most high, or leave one out",
+                          "low=%g is above high=%g", p->low, p->high);
+    e->canny = canny_new(caps->width, caps->height, p);
     if (!e->canny)
         return arris_fail(s, ARRIS_E_MEMORY, NULL, "no memory for the edges of a picture");
     return arris_reserve(s, ARRIS_EDGES, canny_max_points(caps->width, caps->height),

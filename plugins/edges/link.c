@@ -39,18 +39,17 @@ static uint8_t best_near(double x, double y, int bits) {
     return best;
 }
 
-/* The pixels within 60 degrees of the direction. */
+/* The pixels that are two away and within 60 degrees of the direction. */
 static link_far sort_far(double x, double y) {
-    link_far f = {0};
-    for (uint8_t i = 0; i < FAR * FAR; i++) {
+    link_far f = {.bits = 0};
+    for (int i = 0, n = 0; i < FAR * FAR; i++) {
         double cost = step_cost(i, FAR, x, y, 0.5);
-        bool near = abs(i % FAR - FAR / 2) < 2 && abs(i / FAR - FAR / 2) < 2;
-        if (near || cost == INFINITY)
+        if (cost == INFINITY || (abs(i % FAR - FAR / 2) < 2 && abs(i / FAR - FAR / 2) < 2))
             continue;
-        int k = f.n++;
+        int k = n++;
         for (; k > 0 && step_cost(f.pixel[k - 1], FAR, x, y, 0.5) > cost; k--)
             f.pixel[k] = f.pixel[k - 1];
-        f.pixel[k] = i;
+        f.pixel[k] = (uint8_t)i;
         f.bits |= 1u << i;
     }
     return f;
@@ -123,21 +122,26 @@ static void enter_row(linker *l, const edgels *e, int y) {
     }
 }
 
-/* Joins edgel i of the middle row, which goes on to one side only, to the best one two pixels away
- * on the other. */
-static void link_far_end(linker *l, const edgel *a, int32_t i) {
+/* The best edgel two pixels from column x of the middle row, where `bits` are its 5x5 pixels;
+ * `none` when there is none. */
+static inline int32_t far_neighbour(const linker *l, const link_far *f, unsigned bits, int x,
+                                    int32_t none) {
+    for (int k = 0; bits & f->bits; k++)
+        if (bits >> f->pixel[k] & 1)
+            return l->index[f->pixel[k] / FAR][x + f->pixel[k] % FAR - FAR / 2];
+    return none;
+}
+
+/* For edgel i of the middle row, where one of the 3x3 pixels does not go on. */
+static void link_far_ends(linker *l, const edgel *a, int32_t i) {
     int k = octant(a->gx, a->gy, a->across);
-    bool last = l->next[i] == i;
-    const link_far *f = last ? &l->next_far[k] : &l->prev_far[k];
     unsigned bits = 0;
     for (int row = 0; row < FAR; row++)
         bits |= window(l->bits[row], (unsigned)a->x, FAR) << FAR * row;
-    for (k = 0; bits & f->bits; k++)
-        if (bits >> f->pixel[k] & 1) {
-            int32_t to = l->index[f->pixel[k] / FAR][a->x + f->pixel[k] % FAR - FAR / 2];
-            *(last ? &l->next[i] : &l->prev[i]) = to;
-            return;
-        }
+    if (l->next[i] == i)
+        l->next[i] = far_neighbour(l, &l->next_far[k], bits, a->x, i);
+    if (l->prev[i] == i)
+        l->prev[i] = far_neighbour(l, &l->prev_far[k], bits, a->x, i);
 }
 
 static void link_row(linker *l, const edgels *e, int y) {
@@ -156,10 +160,10 @@ static void link_row(linker *l, const edgels *e, int y) {
         next[i] = at[to.next][x];
         prev[i] = at[to.prev][x];
         ends[n_ends] = i;
-        n_ends += (to.next == MIDDLE) != (to.prev == MIDDLE);
+        n_ends += (to.next == MIDDLE) | (to.prev == MIDDLE);
     }
     for (int k = 0; k < n_ends; k++)
-        link_far_end(l, &item[ends[k]], ends[k]);
+        link_far_ends(l, &item[ends[k]], ends[k]);
 }
 
 void link_edgels(linker *l, const edgels *e, int height) {

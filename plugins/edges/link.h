@@ -11,7 +11,7 @@ enum {
     LINK_OCTANTS = 8,
     LINK_REACH = 2, /* px: how far apart neighbours may be in x and in y */
     LINK_ROWS = 2 * LINK_REACH + 1,
-    LINK_FAR = 8
+    LINK_FAR = 5 /* pixels two away within 60 degrees of a direction */
 };
 
 /* Which of the 3x3 pixels around an edgel go on best; the middle one says none. */
@@ -21,8 +21,8 @@ typedef struct link_near {
 
 /* Which of the 5x5 pixels go on where none of the 3x3 does. */
 typedef struct link_far {
-    uint8_t n, pixel[LINK_FAR]; /* the best first */
-    uint32_t bits;              /* the set of them */
+    uint8_t pixel[LINK_FAR]; /* the best first */
+    uint32_t bits;           /* the set of them */
 } link_far;
 
 typedef struct linker {
