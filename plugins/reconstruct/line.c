@@ -8,14 +8,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double GATE = 14;      /* chi-square of 2 degrees of freedom: one in a thousand */
-static const double FAR = 3;        /* px: a segment so far off is another edge's */
-static const double MOVED = 0.25;   /* squared sigmas after which all is linearised anew */
-static const double STANDS = 1e-6;  /* a step of fewer squared sigmas is the last one */
-static const double SWING = 0.02;   /* rad: seen from a narrower angle, it is not observable */
-static const double ALONG = 0.0175; /* nor when it moves within a degree of itself */
-static const double PARALLAX = 0.1; /* nor with a sigma above this share of its distance */
-static const double PRIOR_DOF = 10; /* weight of the scene's scale against the line's own */
+static const double GATE = 14;       /* chi-square of 2 degrees of freedom: one in a thousand */
+static const double FAR = 3;         /* px: a segment so far off is another edge's */
+static const double MOVED = 0.25;    /* squared sigmas after which all is linearised anew */
+static const double STANDS = 1e-6;   /* a step of fewer squared sigmas is the last one */
+static const double SWING = 0.02;    /* rad: seen from a narrower angle, it is not observable */
+static const double ALONG = 0.0175;  /* nor when it moves within a degree of itself */
+static const double PARALLAX = 0.1;  /* nor with a sigma above this share of its distance */
+static const double PRIOR_DOF = 10;  /* weight of the scene's scale against the line's own */
+static const double INDEPENDENT = 4; /* values of what is systematic, over all views */
 enum { ITERATIONS = 10 };
 
 void line_begin(line *l, int32_t id) {
@@ -27,34 +28,8 @@ void line_begin(line *l, int32_t id) {
 
 /* ---- information ---------------------------------------------------------------------------- */
 
-/* Adds a view that was linearised about x: J (x' - x) + r = 0, weighted by its covariance. */
-static void info_add(info *in, const linear *l, const double x[4]) {
-    double det = l->cov[0] * l->cov[2] - l->cov[1] * l->cov[1];
-    double w0 = l->cov[2] / det, w1 = -l->cov[1] / det, w2 = l->cov[0] / det;
-    double y[2], WJ[2][4];
-    for (int k = 0; k < 2; k++) {
-        y[k] = -l->r[k];
-        for (int i = 0; i < 4; i++)
-            y[k] += l->J[k][i] * x[i];
-        in->squares += l->r[k] * l->r[k];
-    }
-    for (int i = 0; i < 4; i++) {
-        WJ[0][i] = w0 * l->J[0][i] + w1 * l->J[1][i];
-        WJ[1][i] = w1 * l->J[0][i] + w2 * l->J[1][i];
-        in->g[i] += WJ[0][i] * y[0] + WJ[1][i] * y[1];
-    }
-    for (int i = 0; i < 4; i++)
-        for (int j = 0; j < 4; j++)
-            in->H.m[i][j] += l->J[0][i] * WJ[0][j] + l->J[1][i] * WJ[1][j];
-    in->c += w0 * y[0] * y[0] + 2 * w1 * y[0] * y[1] + w2 * y[1] * y[1];
-    in->n++;
-}
-
 double line_chi2(const line *l) {
-    double chi2 = l->all.c + mat4_form(&l->all.H, l->x, l->x);
-    for (int i = 0; i < 4; i++)
-        chi2 -= 2 * l->all.g[i] * l->x[i];
-    return fmax(chi2, 0);
+    return info_chi2(&l->all, l->x);
 }
 
 /* Sets l->scale from the residuals; the scene's own counts as a few views. */
@@ -77,8 +52,16 @@ static mat4 covariance(const line *l, double scale, double prior) {
     return P;
 }
 
+/* The variance of the estimate over the stated one: by the size of the residuals and how they hang
+ * together, and since what the profile leaves unexplained is systematic: it stays the same over
+ * many views, and is but few independent values in any number of them. */
+static double excess(const line *l, const scene *s) {
+    double systematic = fmax(l->all.misfit, 0) / INDEPENDENT;
+    return fmax(l->scale * (s->memory + systematic), l->drift);
+}
+
 mat4 line_covariance(const line *l, const scene *s, double prior, const double place[2]) {
-    mat4 P = covariance(l, l->scale * s->memory, prior), out = {{{0}}};
+    mat4 P = covariance(l, excess(l, s), prior), out = {{{0}}};
     double w[2][2] = {{(1 - place[0]) / 2, (1 + place[0]) / 2},
                       {(1 - place[1]) / 2, (1 + place[1]) / 2}};
     for (int i = 0; i < 4; i++)
@@ -91,11 +74,11 @@ mat4 line_covariance(const line *l, const scene *s, double prior, const double p
 
 /* One step to the least squares; returns its squared length in sigmas. */
 static double step(line *l, const scene *s) {
-    double Hx[4], rest[4], d[4];
+    double rest[4], d[4];
     l->cov = covariance(l, 1, l->prior);
-    mat4_times(&l->all.H, l->x, Hx);
+    info_slope(&l->all, l->x, rest);
     for (int i = 0; i < 4; i++)
-        rest[i] = l->all.g[i] - Hx[i] - l->x[i] / (l->prior * l->prior);
+        rest[i] -= l->x[i] / (l->prior * l->prior);
     mat4_times(&l->cov, rest, d);
     for (int i = 0; i < 4; i++)
         l->x[i] += d[i];
@@ -162,10 +145,17 @@ static bool agrees(const line *l, linear *r, const mat4 *P) {
     return r->distance < GATE * l->scale && fabs(r->r[0]) < FAR && fabs(r->r[1]) < FAR;
 }
 
+static info past(const line *l) {
+    info sum = l->past[0];
+    for (int i = 1; i < LINE_PARTS; i++)
+        info_sum(&sum, &l->past[i]);
+    return sum;
+}
+
 /* Sums past and kept views, linearised about l->x. */
 static void gather(line *l, const scene *s) {
     linear r;
-    l->all = l->past;
+    l->all = past(l);
     for (uint32_t i = 0; i < l->n_kept; i++) {
         l->inlier[i] =
             view_linearise(&l->kept[i], &l->f, l->x, &s->noise, &r) && agrees(l, &r, NULL);
@@ -179,26 +169,55 @@ static void gather(line *l, const scene *s) {
 
 void line_refine(line *l, const scene *s) {
     double moved = 1;
-    if (l->past.n == 0)
+    uint32_t n_past = past(l).n;
+    if (n_past == 0)
         line_reframe(l);
     for (int i = 0; i < ITERATIONS && moved > STANDS; i++) {
         gather(l, s);
         moved = step(l, s);
     }
-    if (l->past.n == 0)
+    if (n_past == 0)
         measure_motion(l);
-    l->settled = l->settled && 2 * (l->all.n - l->past.n) > l->n_kept;
+    l->settled = l->settled && 2 * (l->all.n - n_past) > l->n_kept;
+}
+
+static void survey(line *l, const scene *s) {
+    line_trim(l);
+    l->drift = line_drift(l, s);
+}
+
+/* Keeps the parts from .. to - 1 only. */
+static void cut(line *l, uint32_t from, uint32_t to) {
+    uint32_t first = from * LINE_PART, last = to * LINE_PART;
+    l->n_kept = (last < l->n_kept ? last : l->n_kept) - first;
+    l->seen = l->n_kept * l->stride;
+    memmove(l->kept, l->kept + first, l->n_kept * sizeof *l->kept);
+    memmove(l->inlier, l->inlier + first, l->n_kept * sizeof *l->inlier);
+    for (uint32_t i = 0; i < LINE_PARTS; i++)
+        l->past[i] = i < to - from ? l->past[i + from] : (info){0};
+}
+
+/* Where the views contradict each other, those of the best run remain. */
+static void settle_contradictions(line *l, const scene *s) {
+    uint32_t from, to;
+    if (l->settled && line_best_run(l, s, &from, &to)) {
+        cut(l, from, to);
+        if (past(l).n == 0)
+            line_fit(l, s);
+        else
+            line_refine(l, s);
+    }
 }
 
 /* Refines the estimate from l->f on; a second time because the first start may be far off. */
 static void fit_from_start(line *l, const scene *s) {
-    memset(&l->past, 0, sizeof l->past);
+    memset(l->past, 0, sizeof l->past);
     memset(l->x, 0, sizeof l->x);
     l->ends[0] = -1, l->ends[1] = 1;
     line_refine(l, s);
     line_trim(l);
     line_refine(l, s);
-    line_trim(l);
+    survey(l, s);
 }
 
 void line_fit(line *l, const scene *s) {
@@ -219,7 +238,12 @@ static void thin(line *l, const scene *s) {
     linear r;
     for (uint32_t i = 1; l->settled && i < l->n_kept; i += 2)
         if (l->inlier[i] && view_linearise(&l->kept[i], &l->f, l->x, &s->noise, &r))
-            info_add(&l->past, &r, l->x);
+            info_add(&l->past[i / LINE_PART], &r, l->x);
+    for (int i = 0; i < LINE_PARTS / 2; i++) {
+        l->past[i] = l->past[2 * i];
+        info_sum(&l->past[i], &l->past[2 * i + 1]);
+    }
+    memset(l->past + LINE_PARTS / 2, 0, sizeof l->past / 2);
     l->n_kept = (l->n_kept + 1) / 2;
     for (uint32_t i = 1; i < l->n_kept; i++) {
         l->kept[i] = l->kept[2 * i];
@@ -250,7 +274,7 @@ static bool update(line *l, const view *v, int kept, const scene *s, linear *r) 
     if (kept >= 0)
         l->inlier[kept] = true;
     else
-        info_add(&l->past, r, l->x);
+        info_add(&l->past[(l->n_kept - 1) / LINE_PART], r, l->x);
     l->depth = r->depth;
     step(l, s);
     widen(l, v->C);
@@ -268,15 +292,16 @@ bool line_add(line *l, const view *v, const scene *s, linear *r) {
     if (!l->settled && l->seen >= l->next_fit)
         line_fit(l, s);
     if (l->settled && l->seen >= l->next_trim)
-        line_trim(l);
+        survey(l, s);
     return taken;
 }
 
 void line_complete(line *l, const scene *s) {
     if (l->settled)
         line_refine(l, s);
+    settle_contradictions(l, s);
     if (l->settled)
-        line_trim(l);
+        survey(l, s);
     else if (l->n_kept > 0)
         line_fit(l, s);
 }

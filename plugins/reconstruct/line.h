@@ -12,9 +12,10 @@
 #ifndef LINE_H
 #define LINE_H
 
-#include "view.h"
+#include "info.h"
 
-enum { LINE_KEPT = 64 };
+/* The kept views, and all others with their neighbours, are in parts by their order. */
+enum { LINE_KEPT = 64, LINE_PARTS = 8, LINE_PART = LINE_KEPT / LINE_PARTS };
 
 /* What all lines of a scan share. */
 typedef struct scene {
@@ -24,14 +25,6 @@ typedef struct scene {
     double depth;     /* mm; where a line is looked for as long as nothing is known of its own */
 } scene;
 
-/* The sum of what views say: chi-square(x) = c - 2 g x + x H x. */
-typedef struct info {
-    mat4 H;
-    double g[4], c;
-    double squares; /* of the distances at the segments' ends, px² */
-    uint32_t n;     /* views */
-} info;
-
 typedef struct line {
     int32_t id;
     bool settled;    /* the estimate is good enough to be updated view by view */
@@ -40,13 +33,14 @@ typedef struct line {
     double depth;    /* of the line in the last view, mm */
     double prior;    /* mm; sigma of x before any view */
     double scale;    /* variance of the residuals over the stated one; at least 1 */
+    double drift;    /* variance of what parts of the views say over the stated one; 0: unknown */
     double ends[2];  /* as places */
     double pixel[2]; /* mm that a pixel measures along it at its ends */
 
-    info all;     /* of all views that take part */
-    info past;    /* of those of them that are not kept */
-    double at[4]; /* the estimate that the kept views were linearised about */
-    mat4 cov;     /* of x, by the stated variances */
+    info all;              /* of all views that take part */
+    info past[LINE_PARTS]; /* of those of them that are not kept, by parts */
+    double at[4];          /* the estimate that the kept views were linearised about */
+    mat4 cov;              /* of x, by the stated variances */
 
     uint32_t seen, rejected;      /* views offered; views that failed the gate since it settled */
     uint32_t next_fit, next_trim; /* when `seen` is this */
@@ -70,6 +64,14 @@ void line_fit(line *l, const scene *s);
 
 /* Repeats Gauss-Newton on all kept views until it stands. */
 void line_refine(line *l, const scene *s);
+
+/* Variance of what successive parts of the views say over what their stated variances let expect; 0
+ * when the views are too few. */
+double line_drift(const line *l, const scene *s);
+
+/* Finds the parts *from .. *to - 1 that tell where the line is better than all do, since those
+ * contradict each other. False: all do it best. */
+bool line_best_run(const line *l, const scene *s, uint32_t *from, uint32_t *to);
 
 /* Finds the ends: the line reaches as far as a good part of the views saw it that could. */
 void line_trim(line *l);

@@ -75,6 +75,7 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
     v->from = fmin(v->from, -v->half);
     v->to = fmax(v->to, v->half);
     set_covariance(v, s.cov);
+    v->misfit = s.chi2 > 0 ? 1 - 1 / s.chi2 : 0;
     return 0;
 }
 
@@ -110,15 +111,16 @@ double view_place(const view *v, const frame *f, const double x[4], double px) {
 /* The variances at -half and half from those of offset and angle, to which the noise of the pose
  * adds: moving the camera by d moves the offset by plane d / depth, turning it moves the offset by
  * at most |plane| |ray| and turns the picture. */
-static void covariance(const view *v, double depth, const pose_noise *noise, double cov[3]) {
-    double position = noise->position / depth;
+static void covariance(const view *v, const pose_noise *noise, linear *l) {
+    double position = noise->position / l->depth;
     double rotation = noise->rotation * noise->rotation;
     double offset = v->cov[0] + arris_dot(v->plane, v->plane) *
                                     (position * position + arris_dot(v->ray, v->ray) * rotation);
     double bend = v->half * v->half * (v->cov[2] + rotation), mixed = 2 * v->half * v->cov[1];
-    cov[0] = offset - mixed + bend;
-    cov[1] = offset - bend;
-    cov[2] = offset + mixed + bend;
+    l->cov[0] = offset - mixed + bend;
+    l->cov[1] = offset - bend;
+    l->cov[2] = offset + mixed + bend;
+    l->misfit = v->misfit * (v->cov[0] + v->half * v->half * v->cov[2]) / (offset + bend);
 }
 
 /* What v->plane would be for a segment that lies on the picture of the line M + s D. It is taken
@@ -153,7 +155,7 @@ bool view_linearise(const view *v, const frame *f, const double x[4], const pose
         l->J[k][3] = (1 + s) / 2 * b / z;
         l->depth += z / 2;
     }
-    covariance(v, l->depth, noise, l->cov);
+    covariance(v, noise, l);
     return true;
 }
 

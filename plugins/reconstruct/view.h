@@ -23,6 +23,7 @@ typedef struct view {
     double half;     /* px: the segment reaches from -half to half */
     double from, to; /* px: the picture reaches from here to there along it */
     double cov[3];   /* of offset and angle, as of the segment: px², px rad, rad² */
+    double misfit;   /* share of it that the edge's profile left unexplained */
 } view;
 
 /* Where a line's parameters are counted from: it passes X - h u + x[0] a + x[1] b and
@@ -39,10 +40,10 @@ typedef struct pose_noise {
 
 /* A view, linear about some parameters: the distances r (px) of the line, to the right of the
  * segment, at the segment's two ends; their derivatives by the four parameters, their variances and
- * covariance (px²), and where on the line the ends are. `distance` is for linear_distance's result.
- */
+ * covariance (px²), the share of these that is misfit, and where on the line the ends are.
+ * `distance` is for linear_distance's result. */
 typedef struct linear {
-    double r[2], J[2][4], cov[3], s[2], depth, distance;
+    double r[2], J[2][4], cov[3], misfit, s[2], depth, distance;
 } linear;
 
 /* The view of a segment in pixels of the camera `c`, whose lens is taken out of them when it
