@@ -193,11 +193,14 @@ experiments: setup-build
 run-experiments: all $(B)/experiments/experiments.so
 	@B=$(B) samples/experiments/features/run.sh
 	@echo; B=$(B) samples/experiments/tuning/run.sh
-$(B)/experiments/experiments.so: $(call obj,$(wildcard samples/experiments/*.c samples/experiments/*/*.c)) \
+	@echo; $(MAKE) --no-print-directory chapter3
+$(B)/experiments/experiments.so: \
+        $(call obj,$(wildcard $(addprefix samples/experiments/,*.c features/*.c tuning/*.c))) \
         $(B)/lib/libarris.so.1
 	@mkdir -p $(@D)
 	$(call say,MAKE,$@)
 	$(Q)$(CC) -shared -o $@ $(filter %.o,$^) -L$(B)/lib -larris $(ldflags) -Wl,-rpath,'$$ORIGIN/../lib' -lpng -lm
+include samples/experiments/experiments.mk
 
 # ---- install ----------------------------------------------------------------------------------
 
