@@ -154,10 +154,6 @@ void plot_ring(plot *p, const char *colour, double radius, double x, double y) {
             colour, px(p, x), py(p, y), radius);
 }
 
-void plot_bar(plot *p, const char *colour, double x, double low, double high) {
-    plot_segment(p, colour, 1, x, low, x, high);
-}
-
 void plot_legend(plot *p, bool left, const char *colour, const char *dash, const char *text) {
     double y = p->top + 18 + 17 * p->entries++;
     double x = left ? p->left + 12 : p->left + p->width - 12, mark = left ? x : x - 26;

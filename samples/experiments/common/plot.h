@@ -49,8 +49,6 @@ void plot_segment(plot *p, const char *colour, double width, double x1, double y
                   double y2);
 void plot_dot(plot *p, const char *colour, double radius, double x, double y);
 void plot_ring(plot *p, const char *colour, double radius, double x, double y);
-/* From low to high at x. */
-void plot_bar(plot *p, const char *colour, double x, double low, double high);
 
 /* An entry of the legend, in the upper right corner or, with `left`, the upper left one; `dash` as
  * above, or NULL for a dot. */

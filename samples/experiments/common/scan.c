@@ -154,8 +154,6 @@ static void read_lines(scan *s, const char *path) {
     json_array_foreach(lines, i, o) {
         arris_line *l = &s->line[s->n++];
         l->id = (int32_t)json_integer_value(json_object_get(o, "id"));
-        l->views = (uint32_t)json_integer_value(json_object_get(o, "views"));
-        l->rms = json_number_value(json_object_get(o, "rms_px"));
         l->state = state_of(o);
         read_vector(o, "p", 3, l->p);
         read_vector(o, "q", 3, l->q);

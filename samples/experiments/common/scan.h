@@ -38,7 +38,7 @@ typedef struct scan {
     int frames, n_seen, n;
     arris_pose *pose; /* as reported, of each frame */
     seen *seen;       /* by ascending frame */
-    arris_line *line; /* id, state, p, q, cov, views, rms */
+    arris_line *line; /* id, state, p, q, cov */
 } scan;
 
 /* Measures the scan of a frames.csv, with camera.json beside it, by
@@ -77,18 +77,22 @@ int truth_match(const truth *t, const arris_line *l, double tau);
 
 /* What the measured lines of a scan are worth. */
 typedef struct score {
-    int edges, found;  /* observable ones, and those of them on which a measured line lies */
-    int lines, wrong;  /* measured ones, and those that lie on no edge */
-    double rms, worst; /* mm, over the lines that lie on one: of edge_distance */
+    int edges, found; /* observable ones, and those of them on which a measured line lies */
+    int lines, wrong; /* measured ones, and those that lie on no edge */
+    double rms;       /* mm, over the lines that lie on one: of edge_distance */
 } score;
 score scan_score(const scan *s, const truth *t, double tau);
+
+/* The errors in depth, mm, at the middle of the measured lines that lie on a true edge steeper than
+ * 45 degrees in xy, within tau; at most `most`. Returns how many. */
+int depth_errors(const scan *s, const truth *t, double tau, int most, double *error);
 
 /* The variance of the line's middle along the unit vector u, mm². */
 double middle_variance(const arris_line *l, const double u[3]);
 
 /* ---- telling -------------------------------------------------------------------------------- */
 
-/* Prints a figure beside the thesis's (a text; "-": it states none) and the most that it may be.
+/* Prints a figure beside the thesis's (a text; "-": none is known) and the most that it may be.
  * Returns whether it is at most that; NAN is not. */
 bool report(const char *what, double value, const char *unit, const char *thesis, double most);
 

@@ -11,10 +11,11 @@
 
 #include "scan.h"
 
-/* ---- chance --------------------------------------------------------------------------------- */
+/* ---- chance, the same in every run
+ * --------------------------------------------------------------------------------- */
 
 /* splitmix64 (Steele, Lea and Flood, 2014): any seed is a good one. */
-double rng_uniform(uint64_t *state) {
+static double rng_uniform(uint64_t *state) {
     uint64_t z = *state += 0x9e3779b97f4a7c15u;
     z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
     z = (z ^ z >> 27) * 0x94d049bb133111ebu;
@@ -22,7 +23,7 @@ double rng_uniform(uint64_t *state) {
 }
 
 /* Box and Muller. */
-double rng_normal(uint64_t *state) {
+static double rng_normal(uint64_t *state) {
     double a = rng_uniform(state), b = rng_uniform(state);
     return sqrt(-2 * log(1 - a)) * cos(2 * M_PI * b);
 }
@@ -74,8 +75,26 @@ void scene_scatter(scene *s, double near, double far, uint64_t seed) {
     }
 }
 
-double scene_blur(const scene *s) {
+void scene_column(scene *s, double z, uint64_t seed) {
+    double half = SCENE_COLUMN_LENGTH / 2 * z;
+    for (int i = -1; i <= 1; i++)
+        scene_add(s, between(&seed, -5, 5), 0.2 * i * z, z, half, half, between(&seed, -0.2, 0.2),
+                  s->ground + 105);
+}
+
+/* Sigma of the blurred step, px. */
+static double scene_blur(const scene *s) {
     return sqrt(s->psf * s->psf + 1. / 12);
+}
+
+double bound_offset(const scene *s, double contrast, double length) {
+    double information = 1 / (2 * sqrt(M_PI) * scene_blur(s)) - 1 / (2 * 7.);
+    return sqrt((s->noise * s->noise + 1. / 12) / ((length - 5) * information)) / contrast;
+}
+
+double bound_depth(const scene *s, const motion *m, int frames, double z, double offset) {
+    double f = s->camera.fx, n = frames, spread = m->step[0] * sqrt((n * n - 1) / 12);
+    return hypot(offset, f * m->jitter / z) * z * z / (f * sqrt(n) * spread);
 }
 
 /* ---- a picture ------------------------------------------------------------------------------ */

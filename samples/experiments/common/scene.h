@@ -49,16 +49,21 @@ void scene_add(scene *s, double x, double y, double z, double a, double b, doubl
  * sizes, angles and grey levels. */
 void scene_scatter(scene *s, double near, double far, uint64_t seed);
 
-/* Sigma of the blurred step, px. */
-double scene_blur(const scene *s);
+/* Three plates above one another, all at depth z, which a motion along x of up to 0.6 z keeps in
+ * the picture. Their steep sides are SCENE_COLUMN_LENGTH z long and have a contrast of 105. */
+void scene_column(scene *s, double z, uint64_t seed);
+#define SCENE_COLUMN_LENGTH 0.14
+
+/* The Cramér-Rao bounds of VISION.md, as sigmas. Of the offset of an edge in one picture, px, with
+ * both grey levels free, fitted over 7 px on both sides and all of its `length` (px) but 2.5 px at
+ * either end. And of a line's depth, mm, from frames of a motion along x, the offset across x being
+ * known to `offset` px in each. */
+double bound_offset(const scene *s, double contrast, double length);
+double bound_depth(const scene *s, const motion *m, int frames, double z, double offset);
 
 /* Renders the scan to the folder $B/experiments/NAME: frames.csv with the poses as they are
  * reported, camera.json, PGM pictures. Returns the path of frames.csv, for free. Ends the program
  * when it can't. */
 char *scene_render(const scene *s, const motion *m, uint64_t seed, const char *name);
-
-/* Chance, the same in every run. */
-double rng_uniform(uint64_t *state);
-double rng_normal(uint64_t *state);
 
 #endif

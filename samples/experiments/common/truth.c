@@ -88,7 +88,6 @@ score scan_score(const scan *s, const truth *t, double tau) {
         r.lines++;
         r.wrong += e < 0;
         r.rms += d * d;
-        r.worst = fmax(r.worst, d);
         if (e >= 0)
             found[e] = true;
     }
@@ -98,6 +97,21 @@ score scan_score(const scan *s, const truth *t, double tau) {
         r.found += t->edge[i].observable && found[i];
     }
     return r;
+}
+
+int depth_errors(const scan *s, const truth *t, double tau, int most, double *error) {
+    int n = 0;
+    for (int i = 0; i < s->n && n < most; i++) {
+        const arris_line *l = &s->line[i];
+        int k = l->state == ARRIS_MEASURED ? truth_match(t, l, tau) : -1;
+        const edge *e = &t->edge[k < 0 ? 0 : k];
+        if (k < 0 || fabs(e->q[1] - e->p[1]) < fabs(e->q[0] - e->p[0]))
+            continue;
+        double u[3], length, at[2];
+        place(e, l, u, &length, at);
+        error[n++] = (l->p[2] + l->q[2]) / 2 - e->p[2] - (at[0] + at[1]) / 2 * u[2];
+    }
+    return n;
 }
 
 /* Element (i, j) of the 6x6 covariance. */

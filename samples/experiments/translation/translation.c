@@ -129,7 +129,7 @@ int main(void) {
                    "1.44 px", 0.005);
     good &= test(&p, deep, "exact, all depths", PLOT_BLUE, 0.005, &other);
     good &= test(&p, "samples/box/frames.csv", "box", PLOT_RED, 0.05, &other);
-    plot_dot(&p, PLOT_BLACK, 5, at, THESIS_PX);
+    plot_ring(&p, PLOT_BLACK, 8, at, THESIS_PX);
     plot_legend(&p, false, PLOT_GREY, "", "f t / Z");
     plot_legend(&p, false, PLOT_BLUE, NULL, "lines of exact scans");
     plot_legend(&p, false, PLOT_RED, NULL, "lines of the box");
