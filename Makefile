@@ -222,7 +222,7 @@ uninstall:
 
 # ---- form -------------------------------------------------------------------------------------
 
-sources = $(shell find core plugins drivers tests samples \( -name '*.[ch]' -o -name '*.cc' \))
+sources = $(shell find core plugins $(wildcard drivers) tests samples \( -name '*.[ch]' -o -name '*.cc' \))
 format: setup-lint
 	clang-format -i $(sources)
 lint: setup-lint

@@ -5,6 +5,7 @@
 #include "canny.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "link.h"
@@ -33,6 +34,12 @@ size_t canny_max_points(int width, int height) {
 
 size_t canny_max_chains(int width, int height) {
     return 16 + canny_max_points(width, height) / 8;
+}
+
+bool canny_set_roi(canny_params *p, const char *text, int width, int height) {
+    char rest;
+    return sscanf(text, "%9d,%9d,%9d,%9d%c", &p->x, &p->y, &p->width, &p->height, &rest) == 4 &&
+           p->x >= 0 && p->x < width && p->y >= 0 && p->y < height && p->width > 0 && p->height > 0;
 }
 
 canny *canny_new(int width, int height, const canny_params *p) {

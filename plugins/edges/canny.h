@@ -30,6 +30,9 @@ typedef struct canny_params {
 size_t canny_max_points(int width, int height);
 size_t canny_max_chains(int width, int height);
 
+/* Sets the region from "x,y,width,height"; false when it is none of a picture of that size. */
+bool canny_set_roi(canny_params *p, const char *text, int width, int height);
+
 /* Reserves all that pictures of up to this size (1 to 8192 px a side) need. NULL: no memory. */
 canny *canny_new(int width, int height, const canny_params *p);
 void canny_free(canny *c); /* NULL is allowed */

@@ -5,7 +5,6 @@
  */
 #include "arris_plugin.h"
 
-#include <stdio.h>
 
 #include "canny.h"
 
@@ -29,11 +28,7 @@ static const arris_prop props[] = {
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
     struct edges *e = self;
     canny_params *p = &e->p;
-    char rest;
-    if (e->roi &&
-        (sscanf(e->roi, "%9d,%9d,%9d,%9d%c", &p->x, &p->y, &p->width, &p->height, &rest) != 4 ||
-         p->x < 0 || p->x >= caps->width || p->y < 0 || p->y >= caps->height || p->width < 1 ||
-         p->height < 1))
+    if (e->roi && !canny_set_roi(p, e->roi, caps->width, caps->height))
         return arris_fail(s, ARRIS_E_USAGE, "write it as roi=X,Y,WIDTH,HEIGHT, in px",
                           "roi=%s is no region of a picture of %dx%d", e->roi, caps->width,
                           caps->height);
