@@ -11,7 +11,7 @@
 #define MOST 1e5f   /* sigma: no limit is beyond */
 #define CHANCE 4.0  /* sigma from which waves are no chance */
 
-enum { STEPS = 2, BLOCKS = 8 };
+enum { BLOCKS = 8 };
 
 static void find_normal(const huber_data *d, huber_line *l) {
     four w0 = {0}, w1 = {0}, w2 = {0};
@@ -47,20 +47,32 @@ static double step(const huber_data *d, huber_line *l, float limit) {
     return 1 - (double)(out[0] + out[1] + out[2] + out[3]) / d->n;
 }
 
-/* Where the offsets scatter by more than the weights claim, the limit grows with it. */
-void huber_fit(const huber_data *d, huber_line *l) {
+/* Looks for the least limit that leaves enough within, from wide to narrow: gross outliers, and
+ * offsets that scatter by more than the weights claim. */
+static double narrow_down(const huber_data *d, huber_line *l) {
+    huber_line best;
     float limit = LIMIT;
+    l->offset = l->slope = 0; /* the line that was expected */
+    while (step(d, l, limit) < INLIERS && limit < MOST)
+        limit *= 2;
+    do {
+        best = *l;
+        limit /= 2;
+    } while (limit >= LIMIT && step(d, l, limit) >= INLIERS);
+    *l = best;
+    return step(d, l, 2 * limit);
+}
+
+void huber_fit(const huber_data *d, huber_line *l) {
     double share = 0;
     l->offset = l->slope = 0;
     find_normal(d, l);
     step(d, l, INFINITY);
-    for (int k = 0; k < STEPS && share < 1 && limit < MOST;) {
-        share = step(d, l, limit);
-        if (share < INLIERS)
-            limit *= 2;
-        else
-            k++;
-    }
+    share = step(d, l, LIMIT);
+    if (share < INLIERS)
+        share = narrow_down(d, l);
+    else if (share < 1)
+        share = step(d, l, LIMIT);
     l->spread = l->misfit / ((d->n - 2) * share * share);
 }
 

@@ -16,10 +16,10 @@
 #define TRIM 2.5          /* px at either end, where corners are round */
 #define SMOOTHED (4. / 3) /* px²: a Gaussian of 1 px and central differences */
 #define SIGNIFICANT 8.0   /* sigma that a step must stand out of the noise */
-#define SLOPED 2.0        /* sigma under which slopes beside the line count for nothing */
+#define SLOPED 2.2        /* sigma under which slopes beside the line count for nothing */
 #define CHANCE 1.5        /* sigma from which a variance above the noise's is no chance */
-#define CROWDED 0.1       /* px that a neighbour moves an edge that it leaves the least room */
-#define CLIPPED 0.2       /* blurs that an edge may move when its bright side is clipped */
+#define CROWDED_BLUR 0.9  /* px, at most, of an edge whose blur cannot be told */
+#define CLIPPED 0.25      /* px that an edge may move when its bright side is clipped */
 #define BENT 0.5          /* sigma of a pixel that linearising may cost */
 #define ROUNDING 0.2887   /* sigma of the noise of whole grey levels: 12^-1/2 */
 #define ESCAPED 1.5       /* px from the edge points at which a line is not theirs */
@@ -41,6 +41,7 @@ typedef struct state {
     double base, level; /* a level near the step's; the one before it */
     double blur;        /* px */
     double widen;       /* relative excess of the blur over the filters' */
+    double kink, slope; /* levels per px of the row that come of fading along the line */
     double lean;        /* share of the slopes beside the line that is taken out */
     huber_line step;    /* through the rows' offsets: px, rad */
 } state;
@@ -91,45 +92,82 @@ static double blur_guess(double contrast, double gradient) {
     return square > 0.25 ? fmin(sqrt(square), 4) : 0.5;
 }
 
-/* Slopes beside the line move the offset. What they add is taken out as far as they stand out of
- * the noise (James and Stein's shrinkage, from SLOPED sigma). */
-static void find_slopes(state *s, const row_sums *sum) {
-    double kink = (double)sum->answer[STEP_KINK], slope = (double)sum->answer[STEP_SLOPE];
-    double z2 = fmax(kink * kink, slope * slope) / (sum->wide * s->noise * s->noise);
-    s->lean = z2 > SLOPED * SLOPED ? 1 - SLOPED * SLOPED / z2 : 0;
+/* Close to its neighbours an edge's blur cannot be told from theirs. */
+static bool tells_blur(const rows *r) {
+    return r->room >= 4 * r->n;
 }
 
-/* Contrast as a linear function of the place along the line; level and blur. False when the step is
- * not one that is brighter on the right and stands out of the noise. */
+/* A filter's sums over the rows as a straight line along the line. */
+static void along(const row_sums *sum, int filter, double *middle, double *per_px) {
+    double w0 = (double)sum->weight[filter], w1 = (double)sum->weight_t[filter];
+    double w2 = (double)sum->weight_tt[filter], det = w0 * w2 - w1 * w1;
+    double q0 = (double)sum->answer[filter], q1 = (double)sum->answer_t[filter];
+    *per_px = det > 0 ? (w0 * q1 - w1 * q0) / det : 0;
+    *middle = (q0 - w1 * *per_px) / w0;
+}
+
+/* Level and contrast as linear functions of the place along the line. Where they fade along it, a
+ * row that cuts the line aslant sees slopes. */
+static void find_levels(state *s, const rows *r) {
+    const row_sums *sum = &r->sum;
+    double mean, fading, phi = (double)(sum->step / sum->weight[STEP_MEAN]);
+    along(sum, STEP_CONTRAST, &s->contrast[0], &s->contrast[1]);
+    along(sum, STEP_MEAN, &mean, &fading);
+    s->level = s->base + mean - s->contrast[0] * phi;
+    fading += s->contrast[1] * (0.5 - phi); /* of the mean of the two sides */
+    double aslant = r->columns ? s->line.dy : s->line.dx;
+    s->kink = s->contrast[1] / 2 * aslant;
+    s->slope = fading * aslant;
+}
+
+/* Slopes beside the line move the offset. What they add is taken out as far as they stand out of
+ * the noise beyond what fading explains (shrinkage, from SLOPED sigma). */
+static void find_slopes(state *s, const row_sums *sum) {
+    double wk = (double)sum->weight[STEP_KINK], ws = (double)sum->weight[STEP_SLOPE];
+    double kink = (double)sum->answer[STEP_KINK] - s->kink * wk;
+    double slope = (double)sum->answer[STEP_SLOPE] - s->slope * ws;
+    s->lean = 0;
+    if (!(wk > 0 && ws > 0))
+        return;
+    double z2 = fmax(kink * kink / wk, slope * slope / ws) / (s->noise * s->noise);
+    double limit = SLOPED * SLOPED / z2;
+    double tilt = (double)(sum->tilt / sum->weight[STEP_CONTRAST]);
+    if (limit >= 1 || tilt / s->contrast[0] > 0.5) /* that would explain the step away */
+        return;
+    s->lean = 1 - limit * limit;
+    s->contrast[0] -= s->lean * tilt;
+}
+
+/* What the sums tell. False when the step is not one that is brighter on the right and stands out
+ * of the noise. */
 static bool find_step(state *s, const rows *r) {
     const row_sums *sum = &r->sum;
-    double w0 = (double)sum->weight[STEP_CONTRAST], w1 = (double)sum->weight_t[STEP_CONTRAST];
-    double w2 = (double)sum->weight_tt[STEP_CONTRAST], det = w0 * w2 - w1 * w1;
-    double q0 = (double)sum->answer[STEP_CONTRAST] - s->lean * (double)sum->tilt;
-    double q1 = (double)sum->answer_t[STEP_CONTRAST], *c = s->contrast;
-    c[1] = det > 0 ? (w0 * q1 - w1 * q0) / det : 0;
-    c[0] = (q0 - w1 * c[1]) / w0;
-    double widen = (double)sum->answer[STEP_BLUR] / ((double)sum->weight[STEP_BLUR] * c[0]);
-    s->widen = fmax(-0.5, fmin(0.5, widen));
-    s->level = s->base + ((double)sum->answer[STEP_MEAN] - c[0] * (double)sum->step) /
-                             (double)sum->weight[STEP_MEAN];
-    double sign = (*r->across)[0] > 0 ? 1 : -1;
-    return sign * c[0] > 0 && sign * q0 > SIGNIFICANT * s->noise * sqrt(w0);
+    find_levels(s, r);
+    find_slopes(s, sum);
+    double wider = (double)sum->answer[STEP_BLUR] - s->lean * (double)sum->flare;
+    wider /= (double)sum->weight[STEP_BLUR] * s->contrast[0];
+    s->widen = tells_blur(r) ? fmax(-0.5, fmin(0.5, wider)) : 0;
+    double contrast = (*r->across)[0] > 0 ? s->contrast[0] : -s->contrast[0];
+    return contrast > SIGNIFICANT * s->noise / sqrt((double)sum->weight[STEP_CONTRAST]);
 }
 
 /* ---- the line through the rows' offsets ----------------------------------------------------- */
 
-/* Turns the filters' answers into offsets across the line. */
+/* Turns the filters' answers into offsets across the line. Of the blur of a contrast that fades
+ * along the line, a ramp in a row that is aslant, only the part across the line is there. */
 static void find_offsets(refitter *f, const state *s) {
     const rows *r = &f->rows;
     float c0 = (float)s->contrast[0], c1 = (float)s->contrast[1], lean = (float)s->lean;
     float widen = (float)s->widen, noise = (float)s->noise;
+    float kink = (float)(s->kink * (1 - s->lean)), slope = (float)(s->slope * (1 - s->lean));
+    float ramp = (float)(2 * s->kink * s->blur * s->blur) * r->slant * r->slant;
     four least = (four){0} + 0.2f * fabsf(c0), sign = (four){0} + copysignf(1, c0);
     for (uint32_t i = 0; 4 * i < r->n; i++) {
         four size = (c0 + c1 * r->t[i]) * sign; /* the contrast may fade, but not vanish */
         size = four_choose(size > least, size, least) * sign;
         four across = r->across[i] / (r->response[i] * size * (1 + r->gain[i] * widen));
-        four answer = r->answer[i] - lean * r->slopes[i];
+        four answer = r->answer[i] + ramp * r->response[i] - lean * r->slopes[i] -
+                      kink * r->by_kink[i] - slope * r->by_slope[i];
         f->offset[i] = -r->across[i] * r->shift[i] - across * answer;
         f->weight[i] = 1 / (four_abs(across) * (noise + noise * lean * r->unsure[i]));
     }
@@ -163,6 +201,8 @@ static void first_look(state *s, const rows *r, double gradient) {
     rows_probe(r, PROBE, &before, &behind);
     s->base = (before + behind) / 2;
     s->blur = blur_guess(fabs(behind - before), gradient);
+    if (!tells_blur(r))
+        s->blur = fmin(s->blur, CROWDED_BLUR);
 }
 
 /* One Gauss-Newton step: moves the line and corrects the blur. */
@@ -175,7 +215,6 @@ static bool improve(refitter *f, state *s, double gradient) {
         first_look(s, r, gradient);
     int scale = step_scale((float)s->blur * r->slant);
     rows_measure(r, scale, (float)s->base);
-    find_slopes(s, &r->sum);
     if (!find_step(s, r))
         return false;
     s->blur = (double)(step_blur(scale) / r->slant) * (1 + s->widen);
@@ -195,10 +234,10 @@ static double bent(const state *s, const row_sums *sum) {
 }
 
 /* Variance, px², of what the rows cannot tell as they have it in common. */
-static double common_error(const rows *r, double hi, double blur) {
+static double common_error(const rows *r, double hi) {
     double top = r->image->format == ARRIS_GREY16 ? UINT16_MAX : UINT8_MAX;
-    double crowded = CROWDED * r->crowded / r->n, clipped = hi > top - 0.5 ? CLIPPED * blur : 0;
-    return crowded * crowded + clipped * clipped;
+    double pull = (double)r->pull / r->n, clipped = hi > 0.99 * top ? CLIPPED : 0;
+    return pull * pull + clipped * clipped;
 }
 
 static void result(const refitter *f, const state *s, arris_segment *out) {
@@ -214,7 +253,7 @@ static void result(const refitter *f, const state *s, arris_segment *out) {
     out->x2 = l->x + l->length * l->dx, out->y2 = l->y + l->length * l->dy;
     out->lo = (float)fmin(s->level, s->level + c);
     out->hi = (float)fmax(s->level, s->level + c);
-    out->cov[0] = grow * w[2] / det + common_error(&f->rows, (double)out->hi, s->blur);
+    out->cov[0] = grow * w[2] / det + common_error(&f->rows, (double)out->hi);
     out->cov[1] = -grow * w[1] / det;
     out->cov[2] = grow * w[0] / det;
     out->blur = (float)s->blur;

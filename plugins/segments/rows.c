@@ -8,17 +8,19 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CLEAR 2.2  /* a neighbour's step is over at this many of its blurs */
-#define END 2.0    /* px along the line that a row keeps from the line's end */
-#define BLOCK 32.0 /* px over which a bent line is a parabola, to 0.001 px */
+#define CLEAR 2.2     /* a neighbour's step is over at this many of its blurs */
+#define PULL 0.1      /* px by which a neighbour 3 px away moves an edge, about */
+#define PULL_FALL 1.2 /* px⁻¹ by which that falls */
+#define END 2.0         /* px along the line that a row keeps from the line's end */
+#define BLOCK 32.0    /* px over which a bent line is a parabola, to 0.001 px */
 
-enum { PROBES = 4, TELLS_SLOPES = 5 };
+enum { PROBES = 4 };
 
 int rows_init(rows *r, int width, int height) {
     size_t n = (size_t)(width > height ? width : height) / 4 + 1;
     *r = (rows){.max = (uint32_t)(4 * n)};
     r->place = malloc(r->max * sizeof *r->place);
-    four *p = r->t = aligned_alloc(sizeof(four), 8 * n * sizeof(four));
+    four *p = r->t = aligned_alloc(sizeof(four), 10 * n * sizeof(four));
     if (!r->place || !p)
         return ARRIS_E_MEMORY;
     r->across = p += n;
@@ -27,7 +29,11 @@ int rows_init(rows *r, int width, int height) {
     r->response = p += n;
     r->gain = p += n;
     r->slopes = p += n;
-    r->unsure = p + n;
+    r->unsure = p += n;
+    r->by_kink = p += n;
+    r->by_slope = p + n;
+    for (int i = 0; i < ROWS_PULLS; i++)
+        r->pulls[i] = (float)(PULL * exp(-PULL_FALL * (i / 2. - 3)));
     return 0;
 }
 
@@ -107,9 +113,9 @@ static bool stretch_make(const rows *r, const row_line *l, double t0, double t1,
     return true;
 }
 
-/* The half-width that other edges leave to a row, px. `near` is the pixel nearest to the line. */
-INLINE int room_between(const rows *r, const stretch *s, int line, int near) {
-    int d = crowd_nearest(r->crowd, r->columns, line, near, s->own), middle = (d + 1) / 2;
+/* The half-width that another edge `d` px away leaves to a row, px. */
+INLINE int room_between(const stretch *s, int d) {
+    int middle = (d + 1) / 2;
     return d - s->clear > middle ? d - s->clear : middle;
 }
 
@@ -126,6 +132,7 @@ static void place(rows *r, const stretch *s) {
     int width = r->columns ? r->image->height : r->image->width;
     float *along = (float *)r->t, *across = (float *)r->across, *shift = (float *)r->shift;
     course u = s->u, t = s->t, c = s->across;
+    float per_slant = 2 / r->slant;
     uint32_t n = r->n;
     for (int i = s->first; i < s->end && n < r->max; i++) {
         double x = u.value;
@@ -139,12 +146,15 @@ static void place(rows *r, const stretch *s) {
         int before = (int)x;
         float part = (float)(x - before);
         int half = room_inside(s, before + 1, width, to_end);
-        int between = room_between(r, s, i, before + (part > 0.5f));
+        int near = crowd_nearest(r->crowd, r->columns, i, before + (part > 0.5f), s->own);
+        int between = room_between(s, near);
         half = half < between ? half : between;
         if (half < STEP_MIN)
             continue;
-        r->crowded += between == STEP_MIN;
+        r->pull += r->pulls[(int)((float)near * per_slant)];
+        r->room += (uint32_t)half;
         int cell = (int)(part * STEP_PHASES); /* a filter's phase counts from the pixel behind */
+        cell -= cell == STEP_PHASES;          /* rounded up */
         shift[n] = part - ((float)cell + 0.5f) / STEP_PHASES;
         r->place[n++] = (row_place){(int16_t)i, (int16_t)(before + 1), (uint8_t)half,
                                     (uint8_t)(STEP_PHASES - 1 - cell)};
@@ -171,7 +181,8 @@ static void fill_up(rows *r) {
 
 void rows_trace(rows *r, const row_line *l, double trim, float blur) {
     double t0 = trim, t1 = l->length - trim;
-    r->n = r->crowded = 0;
+    r->n = r->room = 0;
+    r->pull = 0;
     if (!(t1 > t0))
         return;
     choose_rows(r, l, t0, t1);
@@ -254,6 +265,7 @@ INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t
     s->explained += *answers * *answers;
     s->step += f->sum;
     s->tilt += f->response[STEP_CONTRAST] * f->tilt * (*answers)[STEP_SLOPE];
+    s->flare += f->response[STEP_BLUR] * f->flare * (*answers)[STEP_SLOPE];
     s->dof += f->dof;
 }
 
@@ -261,6 +273,7 @@ INLINE void measure(rows *r, const step_filter (*filters)[STEP_PHASES], float ba
     const float *t = (const float *)r->t;
     float *answer = (float *)r->answer, *response = (float *)r->response;
     float *gain = (float *)r->gain, *slopes = (float *)r->slopes, *unsure = (float *)r->unsure;
+    float *by_kink = (float *)r->by_kink, *by_slope = (float *)r->by_slope;
     for (uint32_t i = 0; i < r->n; i++) {
         const row_place *q = &r->place[i];
         const step_filter *f = &filters[q->half - STEP_MIN][q->phase];
@@ -269,12 +282,12 @@ INLINE void measure(rows *r, const step_filter (*filters)[STEP_PHASES], float ba
         fetch(r, q, base, px);
         filter(f, px, &a);
         add(&r->sum, f, &a, t[i], px);
-        r->sum.wide += q->half >= TELLS_SLOPES;
         answer[i] = a[STEP_OFFSET];
         response[i] = f->response[STEP_OFFSET];
         gain[i] = f->gain;
         slopes[i] = f->kink * a[STEP_KINK] + f->slope * a[STEP_SLOPE];
         unsure[i] = f->unsure;
+        by_kink[i] = f->by_kink, by_slope[i] = f->by_slope;
     }
 }
 

@@ -32,21 +32,26 @@ typedef struct row_sums {
     eight weight, weight_t, weight_tt; /* responses, and times t, t² */
     four squares;                      /* of the pixels, spread over the lanes */
     eight explained;                   /* of the answers */
-    float step, tilt; /* Phi over all pixels; what slopes add to the contrast's answers */
-    float dof;        /* pixels less filters */
-    uint32_t wide;    /* rows that can tell slopes */
+    float step;                        /* Phi over all pixels */
+    float tilt, flare;                 /* what slopes add to the sums of contrast and blur */
+    float dof;                         /* pixels less filters */
+    uint32_t wide;                     /* rows that can tell slopes */
 } row_sums;
+
+enum { ROWS_PULLS = 2 * (CROWD_REACH + 1) + 1 };
 
 typedef struct rows {
     const step_table *steps;
     const crowd *crowd;
     const arris_image *image;
     const arris_camera *lens; /* NULL: the line's coordinates are the picture's */
+    float pulls[ROWS_PULLS];  /* the same by their distance in half px */
     bool portable;            /* without what only some machines have; the same bits */
     uint32_t n, max;
-    uint32_t crowded; /* rows to which another edge leaves the least room */
-    bool columns;     /* the rows are columns of the picture */
-    float slant;      /* px of a row that the step covers per px across it */
+    float pull;    /* sum of the px by which neighbours may move the step */
+    uint32_t room; /* sum of the half-widths, px */
+    bool columns;  /* the rows are columns of the picture */
+    float slant;   /* px of a row that the step covers per px across it */
     row_sums sum;
     /* of each row, in fours; the last four are filled up with copies */
     row_place *place;
@@ -56,8 +61,10 @@ typedef struct rows {
     four *answer;   /* of the filter of the offset, grey levels */
     four *response; /* of that filter to a px of offset, per level of contrast (step.h) */
     four *gain;     /* of the response with blur (step.h) */
-    four *slopes;   /* what slopes beside the line add to the answer */
+    four *slopes;   /* what slopes beside the line add to the answer, as measured in the row */
     four *unsure;   /* how much sigma grows, relatively, when that is taken out */
+    four *by_kink;  /* the same per level per px that the sides differ by */
+    four *by_slope; /* and that they have in common */
 } rows;
 
 /* Reserves rows for pictures of up to this size. 0 or ARRIS_E_MEMORY; rows_free in either case. */

@@ -15,6 +15,7 @@
 #define SHORTEST 5.0       /* px: a shorter piece joins nothing */
 #define CORRELATED 3.5     /* points that a Gaussian of 1 px makes one: 2 sqrt(pi) sigma */
 #define ROUNDING (1. / 12) /* px², of a coordinate */
+#define LEAST_SCATTER 1e-6 /* px² */
 #define FAR 1e6            /* px: no coordinate is beyond */
 
 enum { MOST = 32768 };
@@ -116,12 +117,17 @@ static void find_pieces(segmenter *s, const arris_edges *edges) {
 
 /* Line through the points, with a covariance from how they scatter. */
 static void from_points(const piece *p, double length, arris_segment *out) {
-    double scatter = piece_scatter(p), n = p->n;
+    double scatter = piece_scatter(p), var, lever = 12;
     *out = (arris_segment){.x1 = p->x1, .y1 = p->y1, .x2 = p->x2, .y2 = p->y2};
-    /* a chord has the errors of its two ends; n points on a line share theirs */
-    double var = p->raw ? (scatter + ROUNDING) / 2 : CORRELATED * (scatter + 1e-6) / n;
+    if (p->raw) { /* the chord has the errors of its two ends, and the scatter has those of both */
+        bool aligned = fmin(fabs(p->x2 - p->x1), fabs(p->y2 - p->y1)) < 1.5; /* rounded alike */
+        var = fmax(0.3 * scatter, aligned ? ROUNDING : 0);
+        lever = 4;
+    } else {
+        var = CORRELATED * (scatter + LEAST_SCATTER) / p->n;
+    }
     out->cov[0] = var;
-    out->cov[2] = var * (p->raw ? 4 : 12) / (length * length);
+    out->cov[2] = lever * var / (length * length);
 }
 
 /* Whether the picture can be looked at, and through which lens. */

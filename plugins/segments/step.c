@@ -68,7 +68,7 @@ static void make(step_filter *f, double s, int half, double shift) {
     for (int k = 0; k < parts; k++)
         length[k] = orthogonal(q, k);
     for (int k = 0; k < parts; k++) {
-        f->response[k] = k < STEP_KINK ? (float)length[k] : 1;
+        f->response[k] = (float)length[k];
         for (int j = 0; j < STEP_WIDTH; j++)
             f->w[j][k] = (float)q[k][j];
     }
@@ -78,13 +78,14 @@ static void make(step_filter *f, double s, int half, double shift) {
     f->dof = (float)(2 * half - parts);
     if (parts <= STEP_SLOPE)
         return;
-    double kink = dot(q[STEP_OFFSET], v[STEP_KINK]) / length[STEP_KINK];
+    double kink = dot(q[STEP_OFFSET], v[STEP_KINK]), slope = dot(q[STEP_OFFSET], v[STEP_SLOPE]);
+    f->by_kink = (float)kink, f->by_slope = (float)slope;
+    kink /= length[STEP_KINK];
     f->kink = (float)kink;
-    f->slope =
-        (float)((dot(q[STEP_OFFSET], v[STEP_SLOPE]) - kink * dot(q[STEP_KINK], v[STEP_SLOPE])) /
-                length[STEP_SLOPE]);
+    f->slope = (float)((slope - kink * dot(q[STEP_KINK], v[STEP_SLOPE])) / length[STEP_SLOPE]);
     f->unsure = sqrtf(1 + f->kink * f->kink + f->slope * f->slope) - 1;
     f->tilt = (float)(dot(q[STEP_CONTRAST], v[STEP_SLOPE]) / length[STEP_SLOPE]);
+    f->flare = (float)(dot(q[STEP_BLUR], v[STEP_SLOPE]) / length[STEP_SLOPE]);
 }
 
 void step_init(step_table *t) {

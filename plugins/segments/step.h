@@ -27,15 +27,18 @@ enum { STEP_MEAN, STEP_CONTRAST, STEP_OFFSET, STEP_BLUR, STEP_KINK, STEP_SLOPE, 
  * from the step; those outside of the half-width have weight 0. */
 typedef struct step_filter {
     eight w[STEP_WIDTH]; /* of each pixel in each filter */
-    /* What the filters answer to one level, one level of contrast, and per level of contrast one px
-     * towards the dark and blur that grows by a factor of e; 1 for the slopes. */
+    /* What the filters answer to one level, one level of contrast, per level of contrast one px
+     * towards the dark and blur that grows by a factor of e, and slopes of one level per px. */
     eight response;
-    float gain;        /* by how much that to an offset grows, relatively, as the blur does by e */
+    float gain;        /* by how much that to an offset grows, relatively, as blur does by e */
     float kink, slope; /* what slopes add to the offset's answer, per their own answers */
+    float by_kink;     /* and per level per px */
+    float by_slope;    /* the same */
     float unsure;      /* how much sigma grows, relatively, when that is taken out */
-    float tilt;        /* and the common slope to the contrast's */
-    float sum;         /* of Phi over the row */
-    float dof;         /* pixels less filters */
+    float tilt,
+        flare; /* what the common slope adds to the answers of contrast and blur, per its own */
+    float sum; /* of Phi over the row */
+    float dof; /* pixels less filters */
 } step_filter;
 
 typedef struct step_table {
