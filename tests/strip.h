@@ -34,10 +34,11 @@ typedef double scene_level(const void *scene, double x, double y);
 
 static inline arris_image picture_new(int width, int height, enum arris_format format) {
     ptrdiff_t stride = ((ptrdiff_t)width * (ptrdiff_t)format + 63) / 64 * 64;
-    uint8_t *data = calloc(1, (size_t)stride * (size_t)height + 64);
+    uint8_t *data = (uint8_t *)calloc(1, (size_t)stride * (size_t)height + 64);
     if (!data)
         abort();
-    return (arris_image){format, width, height, stride, NULL, data};
+    arris_image im = {format, width, height, stride, NULL, data};
+    return im;
 }
 
 /* Draws the scene with noise (sigma), rounded and clipped. */
@@ -75,7 +76,7 @@ static inline double strip_blur(const strip *s) {
 }
 
 static inline double strip_level(const void *scene, double x, double y) {
-    const strip *s = scene;
+    const strip *s = (const strip *)scene; /* the cast is for C++ */
     double c = cos(s->angle), d = sin(s->angle), b = strip_blur(s), h = s->length / 2;
     double t = (x - s->x) * c + (y - s->y) * d, v = (y - s->y) * c - (x - s->x) * d;
     double inside = normal_below((t + h) / b) * normal_below((h - t) / b);
@@ -143,7 +144,8 @@ static inline const arris_segment *strip_find(const strip *s, const arris_segmen
 }
 
 static inline arris_segments segments_new(size_t max) {
-    arris_segments s = {.max = (uint32_t)max, .item = calloc(max, sizeof(arris_segment))};
+    arris_segments s = {.max = (uint32_t)max,
+                        .item = (arris_segment *)calloc(max, sizeof(arris_segment))};
     if (!s.item)
         abort();
     return s;

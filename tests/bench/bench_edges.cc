@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * bench_edges.cc: the time of `edges` as a share of cv::Canny's, in one process and one thread, the
- * two in turn. cv::Canny works on the raw 8-bit picture: aperture 3, L2 gradient, 50 and 150.
+ * bench_edges.cc: `edges` and `edges ! segments` beside OpenCV's detectors, in one process and one
+ * thread: cv::Canny (on the raw 8-bit picture: aperture 3, L2 gradient, 50 and 150), LSD, FLD and
+ * EdgeDrawing, all as they come.
  *
  *     bench_edges [PICTURE.png ...]
  *
- * Pictures are scaled to four sizes. Beside those that are named, or a frame of the sample scan,
- * there are a plain one, one of pure noise, and a drawn one. The ratio is the median over PAIRS
- * pairs of runs.
+ * First the times, in those of cv::Canny with which each is run in turn, the median over pairs of
+ * runs. Pictures are scaled to four sizes; beside those that are named, or a frame of the sample
+ * scan, there are a plain one, one of pure noise, and a drawn one. Then the errors of isolated
+ * edges' offsets, in multiples of the Cramer-Rao bound.
  */
 #include <algorithm>
 #include <chrono>
@@ -19,16 +21,22 @@
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <opencv2/ximgproc/edge_drawing.hpp>
+#include <opencv2/ximgproc/fast_line_detector.hpp>
 #include <png.h>
 
 extern "C" {
+#include "../strip.h"
 #include "edges/canny.h"
+#include "segments/segmenter.h"
 }
 
 namespace {
 
-const int PAIRS = 61;
+const int PAIRS = 61, FEW_PAIRS = 7; /* of what takes more than SLOW */
+const double SLOW = 0.02;            /* s */
 const cv::Size SIZES[] = {{320, 240}, {640, 480}, {1280, 960}, {1920, 1080}};
+const int POSES = 100;
 const char SAMPLE[] = "samples/box/frames/0000.png";
 
 /* ---- timing --------------------------------------------------------------------------------- */
@@ -53,7 +61,8 @@ struct Ratio {
 
 Ratio compare(const Run &ours, const Run &theirs) {
     std::vector<double> a, b, r;
-    for (int i = 0; i < PAIRS; i++) {
+    int pairs = seconds(ours) > SLOW ? FEW_PAIRS : PAIRS;
+    for (int i = 0; i < pairs; i++) {
         a.push_back(seconds(ours));
         b.push_back(seconds(theirs));
         r.push_back(a.back() / b.back());
@@ -110,29 +119,148 @@ cv::Mat scaled(const cv::Mat &grey, cv::Size size) {
     return to;
 }
 
-/* ---- the contest ---------------------------------------------------------------------------- */
+/* ---- the contestants ------------------------------------------------------------------------ */
+
+typedef std::vector<cv::Vec4f> Lines;
+
+/* Our two kernels and their layers. */
+struct Ours {
+    canny *edges_of;
+    segmenter *segments_of;
+    std::vector<arris_edge_point> point;
+    std::vector<arris_chain> chain;
+    arris_edges edges = {};
+    arris_segments segments;
+
+    explicit Ours(cv::Size size)
+        : point(canny_max_points(size.width, size.height)),
+          chain(canny_max_chains(size.width, size.height)),
+          segments(segments_new(segmenter_max(size.width, size.height))) {
+        canny_params edge = CANNY_DEFAULTS;
+        segmenter_params line = SEGMENTER_DEFAULTS;
+        edges_of = canny_new(size.width, size.height, &edge);
+        segments_of = segmenter_new(size.width, size.height, &line);
+        edges.max = static_cast<uint32_t>(point.size());
+        edges.max_chains = static_cast<uint32_t>(chain.size());
+        edges.point = point.data();
+        edges.chain = chain.data();
+    }
+    ~Ours() {
+        canny_free(edges_of);
+        segmenter_free(segments_of);
+        free(segments.item);
+    }
+    static arris_image view(const cv::Mat &grey) {
+        return {ARRIS_GREY8, grey.cols, grey.rows, static_cast<ptrdiff_t>(grey.step),
+                nullptr,     grey.data};
+    }
+    void find_edges(const cv::Mat &grey) {
+        arris_image im = view(grey);
+        canny_run(edges_of, &im, &edges);
+    }
+    Lines find_segments(const cv::Mat &grey) {
+        arris_image im = view(grey);
+        canny_run(edges_of, &im, &edges);
+        segmenter_run(segments_of, &edges, &im, &segments);
+        Lines lines;
+        for (uint32_t i = 0; i < segments.n; i++) {
+            const arris_segment &s = segments.item[i];
+            lines.emplace_back(s.x1, s.y1, s.x2, s.y2);
+        }
+        return lines;
+    }
+};
+
+Lines lsd(const cv::Mat &grey) {
+    static cv::Ptr<cv::LineSegmentDetector> d = cv::createLineSegmentDetector();
+    Lines lines;
+    d->detect(grey, lines);
+    for (cv::Vec4f &l : lines) /* its shift at the scale of 0.8 */
+        l += cv::Vec4f::all(0.125f);
+    return lines;
+}
+
+Lines fld(const cv::Mat &grey) {
+    static cv::Ptr<cv::ximgproc::FastLineDetector> d = cv::ximgproc::createFastLineDetector();
+    Lines lines;
+    d->detect(grey, lines);
+    return lines;
+}
+
+Lines edge_drawing(const cv::Mat &grey) {
+    static cv::Ptr<cv::ximgproc::EdgeDrawing> d = cv::ximgproc::createEdgeDrawing();
+    Lines lines;
+    d->detectEdges(grey);
+    d->detectLines(lines);
+    return lines;
+}
+
+/* ---- speed ---------------------------------------------------------------------------------- */
 
 void contest(const char *name, const cv::Mat &picture, cv::Size size) {
     cv::Mat grey = scaled(picture, size), theirs;
-    canny_params params = CANNY_DEFAULTS;
-    canny *c = canny_new(grey.cols, grey.rows, &params);
-    std::vector<arris_edge_point> point(canny_max_points(grey.cols, grey.rows));
-    std::vector<arris_chain> chain(canny_max_chains(grey.cols, grey.rows));
-    arris_edges edges = {};
-    edges.max = static_cast<uint32_t>(point.size());
-    edges.max_chains = static_cast<uint32_t>(chain.size());
-    edges.point = point.data();
-    edges.chain = chain.data();
-    arris_image image = {ARRIS_GREY8, grey.cols, grey.rows, static_cast<ptrdiff_t>(grey.step),
-                         nullptr,     grey.data};
-    Ratio r = compare([&] { canny_run(c, &image, &edges); },
-                      [&] { cv::Canny(grey, theirs, 50, 150, 3, true); });
-    double percent = 100.0 / static_cast<double>(grey.total());
-    std::printf("%4dx%-4d  %-28s  edges %7.3f ms  %4.1f %% of the pixels in %4u chains   "
-                "cv::Canny %7.3f ms  %4.1f %%   ratio %.2f\n",
-                grey.cols, grey.rows, name, r.ours * 1e3, percent * edges.n, edges.n_chains,
-                r.theirs * 1e3, percent * cv::countNonZero(theirs), r.ratio);
-    canny_free(c);
+    Ours ours(size);
+    Run canny = [&] { cv::Canny(grey, theirs, 50, 150, 3, true); };
+    Ratio edges = compare([&] { ours.find_edges(grey); }, canny);
+    Ratio both = compare([&] { ours.find_segments(grey); }, canny);
+    std::printf("%4dx%-4d %-28s %9.3f %8.2f %8.2f %9.2f %8.2f %8.2f\n", grey.cols, grey.rows, name,
+                edges.theirs * 1e3, edges.ratio, both.ratio,
+                compare([&] { lsd(grey); }, canny).ratio, compare([&] { fld(grey); }, canny).ratio,
+                compare([&] { edge_drawing(grey); }, canny).ratio);
+}
+
+/* ---- accuracy ------------------------------------------------------------------------------- */
+
+/* The offset, px, from the true edge's middle to the nearest line along it that covers half of it;
+ * NAN when there is none. */
+double offset_of(const strip &s, const Lines &lines) {
+    double c = std::cos(s.angle), d = std::sin(s.angle), best = NAN;
+    for (const cv::Vec4f &l : lines) {
+        double ux = l[2] - l[0], uy = l[3] - l[1], n = std::hypot(ux, uy);
+        double x = (l[0] + l[2]) / 2 - s.x, y = (l[1] + l[3]) / 2 - s.y, off = y * c - x * d;
+        bool along = std::fabs(ux * c + uy * d) > 0.98 * n && n > s.length / 2;
+        if (along && std::fabs(off) < 2 && !(std::fabs(off) > std::fabs(best)))
+            best = off;
+    }
+    return best;
+}
+
+struct Score {
+    double squares = 0;
+    int found = 0;
+
+    void add(double offset, double bound) {
+        if (std::isnan(offset))
+            return;
+        squares += offset * offset / (bound * bound);
+        found++;
+    }
+    void print() const {
+        std::printf("  %6.2f (%3d %%)", std::sqrt(squares / found), found * 100 / POSES);
+    }
+};
+
+void accuracy(double noise, double contrast, double length) {
+    uint64_t seed = 0x9E3779B97F4A7C15;
+    cv::Size size(192, 192);
+    Ours ours(size);
+    arris_image im = picture_new(size.width, size.height, ARRIS_GREY8);
+    cv::Mat grey(size, CV_8U, im.data, static_cast<size_t>(im.stride));
+    Score score[4];
+    for (int i = 0; i < POSES; i++) {
+        strip s = strip_anywhere(size.width, size.height, length, contrast, &seed);
+        picture_draw(&im, strip_level, &s, noise, &seed);
+        double bound = strip_bound(&s, noise, length - 5, 8);
+        score[0].add(offset_of(s, ours.find_segments(grey)), bound);
+        score[1].add(offset_of(s, lsd(grey)), bound);
+        score[2].add(offset_of(s, fld(grey)), bound);
+        score[3].add(offset_of(s, edge_drawing(grey)), bound);
+    }
+    std::printf("%5.0f %8.0f %6.0f", noise, contrast, length);
+    for (const Score &each : score)
+        each.print();
+    std::putchar('\n');
+    free(im.data);
 }
 
 } // namespace
@@ -142,6 +270,8 @@ int main(int argc, char **argv) {
     std::vector<const char *> files(argv + 1, argv + argc);
     if (files.empty())
         files.push_back(SAMPLE);
+    std::printf("times, in cv::Canny's\n%-38s %9s %8s %8s %9s %8s %8s\n", "picture", "Canny/ms",
+                "edges", "+segments", "LSD", "FLD", "EDLines");
     for (cv::Size size : SIZES) {
         cv::Mat plain(size, CV_32F, cv::Scalar(128));
         contest("plain", with_noise(plain, 0), size);
@@ -157,5 +287,13 @@ int main(int argc, char **argv) {
             contest(file + (length > 28 ? length - 28 : 0), picture, size);
         }
     }
+    std::printf(
+        "\nerrors of isolated edges' offsets over the bound (and the share found), %d poses\n"
+        "noise contrast length   segments          LSD             FLD             EDLines\n",
+        POSES);
+    for (double noise : {2., 5.})
+        for (double contrast : {40., 150.})
+            for (double length : {30., 100.})
+                accuracy(noise, contrast, length);
     return 0;
 }
