@@ -13,6 +13,7 @@
 
 #include <cmocka.h>
 
+#include "../plugins/track/foresight.h"
 #include "../plugins/track/tracker.h"
 
 enum { MOST = 20000 };
@@ -340,6 +341,73 @@ static void points_and_nan_start_nothing_that_lasts(void **state) {
     tracker_free(t);
 }
 
+/* ---- what is foreseen of the lines --------------------------------------------------------------
+ */
+
+static const arris_camera camera = {320, 240, 380, 378, 0.5, 158.5, 121, 0, 0, 0, 0, 0};
+
+/* A grid of pitch 9 px that jumps by any amount: the picture alone can't tell which line is which.
+ */
+static void foreseen_lines_are_told_apart_in_a_grid(void **state) {
+    (void)state;
+    tracker *t = begin(100);
+    seed = 9;
+    for (int i = 0; i < 50; i++) {
+        double shift = i ? 60 * uniform() - 30 : 0;
+        for (int k = 0; k < 20; k++) {
+            double x = 70 + 9 * k + shift;
+            arris_segment where = {.x1 = x, .y1 = 40, .x2 = x + 3, .y2 = 200};
+            tracker_foresee(t, k, &where, 1.5);
+            put(x, 40, x + 3, 200);
+        }
+        tracker_foresee(t, 99, &item[0], 1.5); /* there is no such track */
+        run(t);
+        assert_sound(20);
+        for (int k = 0; k < 20; k++)
+            assert_int_equal(track_of(k), k);
+    }
+    assert_int_equal(tracks.total, 20);
+    tracker_free(t);
+}
+
+/* What is foreseen holds for one frame: then the track's own motion is asked again. */
+static void foresight_ends_with_the_frame(void **state) {
+    (void)state;
+    tracker *t = begin(10);
+    for (int i = 0; i < 12; i++) {
+        put(50 + 2 * i, 40, 52 + 2 * i, 200);
+        if (i == 5)
+            tracker_foresee(t, 0, &item[0], 1.5);
+        run(t);
+        assert_int_equal(track_of(0), 0);
+    }
+    tracker_free(t);
+}
+
+static void a_line_is_foreseen_where_it_projects(void **state) {
+    (void)state;
+    arris_line l = {.state = ARRIS_MEASURED, .p = {-20, -100, 900}, .q = {30, 120, 820}};
+    arris_pose pose = {.valid = true, .C = {40, 5, 10}};
+    arris_segment s;
+    double x, y, reach;
+    arris_camera lens = camera;
+    lens.k1 = -0.2;
+    arris_rotation(0.05, -0.1, 0.2, pose.R);
+    l.cov[0] = l.cov[6] = l.cov[11] = 0.09; /* p is known to 0.3 mm */
+    assert_true(foresee(&l, &lens, &pose, 4, &s, &reach));
+    assert_true(arris_project(&lens, &pose, l.q, &x, &y) > 0);
+    arris_distort(&lens, x, y, &x, &y);
+    assert_true(fabs(s.x2 - x) < 1e-9);
+    assert_true(fabs(s.y2 - y) < 1e-9);
+    double z = arris_project(&lens, &pose, l.p, &x, &y);
+    assert_true(fabs(reach - 4 * 380 * 0.3 / z) < 1e-9);
+    l.state = ARRIS_UNOBSERVABLE;
+    assert_false(foresee(&l, &lens, &pose, 4, &s, &reach));
+    l.state = ARRIS_WEAK;
+    l.q[2] = -100; /* behind the camera */
+    assert_false(foresee(&l, &lens, &pose, 4, &s, &reach));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pairs_do_not_swap),
@@ -357,6 +425,9 @@ int main(void) {
         cmocka_unit_test(many_segments_are_bounded),
         cmocka_unit_test(a_small_layer_truncates),
         cmocka_unit_test(points_and_nan_start_nothing_that_lasts),
+        cmocka_unit_test(foreseen_lines_are_told_apart_in_a_grid),
+        cmocka_unit_test(foresight_ends_with_the_frame),
+        cmocka_unit_test(a_line_is_foreseen_where_it_projects),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,17 +1,28 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * track.c: the stage `track`: which segment continues which track. The kernel is tracker.h.
+ * track.c: the stage `track`: which segment continues which track. The kernel is tracker.h; what is
+ * known of the lines comes back from `reconstruct`, one frame old (foresight.h).
  */
 #include "arris_plugin.h"
 
+#include "foresight.h"
 #include "tracker.h"
 
 struct track_stage {
     tracker_params p;
+    int32_t mode;
     tracker *tracker;
+    const arris_camera *camera; /* the stream's; NULL: none */
 };
 
+enum { POSE, THESIS };          /* mode */
+static const double SIGMAS = 4; /* of a line's own uncertainty that it may be off */
+static const double SLACK = 1;  /* px that it may be off besides: the poses are not exact */
+
 static const arris_prop props[] = {
+    ARRIS_P_ENUM(struct track_stage, mode, "mode", "pose", "pose|thesis",
+                 "pose: looks where the running 3D lines project to, as far as there are any; "
+                 "thesis: in the box around where each line's own motion puts it"),
     ARRIS_P_DOUBLE(struct track_stage, p.box, "box", "5", 0.1, 1000, "px",
                    "a line may be this far from where its motion would put it"),
     ARRIS_P_INT(struct track_stage, p.max_gap, "max-gap", "5", 0, 10000, "frames",
@@ -22,7 +33,7 @@ static const arris_prop props[] = {
 
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
     struct track_stage *t = self;
-    (void)caps;
+    t->camera = caps->camera;
     t->tracker = tracker_new(&t->p);
     if (!t->tracker)
         return arris_fail(s, ARRIS_E_MEMORY, "a smaller max-tracks takes less",
@@ -30,9 +41,25 @@ static int setup(arris_stage *s, void *self, arris_caps *caps) {
     return arris_reserve(s, ARRIS_TRACKS, (size_t)t->p.max_tracks, 0);
 }
 
+static void foresee_lines(arris_stage *s, struct track_stage *t, const arris_frame *f) {
+    const arris_segments *segments = arris_layer_get(f, ARRIS_SEGMENTS);
+    const arris_lines *lines = arris_feedback(s, ARRIS_LINES);
+    const arris_pose *pose = arris_layer_get(f, ARRIS_POSE);
+    const arris_camera *camera = segments->camera ? segments->camera : t->camera;
+    for (uint32_t i = 0; camera && lines && pose && pose->valid && i < lines->n; i++) {
+        arris_segment where = {0};
+        double reach;
+        if (foresee(&lines->item[i], camera, pose, SIGMAS, &where, &reach) && reach < t->p.box)
+            tracker_foresee(t->tracker, lines->item[i].id, &where, SLACK + reach);
+    }
+}
+
 static int process(arris_stage *s, void *self, arris_frame *f) {
+    struct track_stage *t = self;
+    if (t->mode == POSE)
+        foresee_lines(s, t, f);
     arris_tracks *out = arris_layer_give(s, f, ARRIS_TRACKS);
-    tracker_run(((struct track_stage *)self)->tracker, arris_layer_get(f, ARRIS_SEGMENTS), out);
+    tracker_run(t->tracker, arris_layer_get(f, ARRIS_SEGMENTS), out);
     if (out->lost)
         arris_count(s, "segments lost", out->lost);
     return 0;
@@ -49,7 +76,10 @@ static const arris_stage_desc stage_track = {
     .summary = "follows segments from frame to frame",
     .example = "imagesrc location=frames.csv ! edges ! undistort ! segments ! track ! filesink "
                "location=tracks.csv",
-    .layers = {.needs = ARRIS_BIT(ARRIS_SEGMENTS), .gives = ARRIS_BIT(ARRIS_TRACKS)},
+    .layers = {.needs = ARRIS_BIT(ARRIS_SEGMENTS),
+               .wants = ARRIS_BIT(ARRIS_POSE),
+               .gives = ARRIS_BIT(ARRIS_TRACKS),
+               .asks = ARRIS_BIT(ARRIS_LINES)},
     .self_size = sizeof(struct track_stage),
     .props = props,
     .n_props = sizeof props / sizeof *props,

@@ -8,6 +8,8 @@
  * it that they overlap. The motion across is each line's own, from its last two sightings; along a
  * line none can be seen (the aperture problem), so there it is the motion common to all.
  *
+ * A track whose 3D line is known is looked for where that projects to, instead.
+ *
  * Time runs in steps of the camera's motion, not of frames: a doubled frame or a stop is a step of
  * 0, a dropped frame one of 2, the way back one of -1. The step, common to all lines of a frame, is
  * the one that explains the frame best.
@@ -25,6 +27,8 @@ typedef struct track {
     double across;            /* px per step, to the right of the line */
     arris_segment seen;       /* then */
     arris_segment predicted;  /* only the ends mean anything */
+    arris_segment foreseen;   /* likewise; from outside, for the next frame only */
+    double box;               /* px, around the prediction */
     int32_t best;             /* the segment nearest to the prediction, and its cost */
     double cost;
 } track;
@@ -104,14 +108,14 @@ static double common_stretch(const arris_segment *p, const arris_segment *s, dou
     return (t1 - t0) / fmax(lp, ls);
 }
 
-/* How badly the segment s continues the prediction p: the mean squared distance across in boxes,
- * and what they do not share; INFINITY when it is out of the box. */
-static double mismatch(const arris_segment *p, const arris_segment *s, double box) {
+/* How badly the segment s continues the prediction p: the mean squared distance across in units,
+ * px, and what they do not share; INFINITY when it is out of the box. */
+static double mismatch(const arris_segment *p, const arris_segment *s, double box, double unit) {
     double d[2], share;
     if (apart(p->x1, p->x2, s->x1, s->x2, box) || apart(p->y1, p->y2, s->y1, s->y2, box) ||
         (share = common_stretch(p, s, d)) <= 0 || fabs(d[0]) > box || fabs(d[1]) > box)
         return (double)INFINITY;
-    return (d[0] * d[0] + d[1] * d[1]) / (2 * box * box) + STRETCH * (1 - share);
+    return (d[0] * d[0] + d[1] * d[1]) / (2 * unit * unit) + STRETCH * (1 - share);
 }
 
 /* Where the line is after `step` more steps of the camera. */
@@ -128,12 +132,12 @@ static void predict(const tracker *t, track *k, double step) {
 /* How well a step of the camera explains the segments, over a sample of the tracks. In half the
  * box, so that it tells parallel neighbours apart. */
 static double explains(tracker *t, const arris_segment *s, int32_t n, double step) {
-    double sum = 0;
+    double sum = 0, half = t->p.box / 2;
     for (int32_t i = 0; i < t->n; i += 1 + t->n / SAMPLE) {
         double least = 1;
         predict(t, &t->track[i], step);
         for (int32_t j = 0; j < n; j++)
-            least = fmin(least, mismatch(&t->track[i].predicted, &s[j], t->p.box / 2));
+            least = fmin(least, mismatch(&t->track[i].predicted, &s[j], half, half));
         sum += 1 - least;
     }
     return sum;
@@ -179,7 +183,8 @@ static void find_nearest(tracker *t, const arris_segment *s, int32_t n) {
         track *k = &t->track[i];
         k->best = -1, k->cost = (double)INFINITY;
         for (int32_t j = 0; k->segment < 0 && j < n; j++) {
-            double c = t->taken[j] ? (double)INFINITY : mismatch(&k->predicted, &s[j], t->p.box);
+            double c =
+                t->taken[j] ? (double)INFINITY : mismatch(&k->predicted, &s[j], k->box, t->p.box);
             if (c < k->cost)
                 k->cost = c, k->best = j;
             if (c < t->cost[j])
@@ -236,8 +241,10 @@ static void find_common_motion(tracker *t) {
 static void drop_lost(tracker *t) {
     int32_t n = 0;
     for (int32_t i = 0; i < t->n; i++)
-        if (t->track[i].segment >= 0 || ++t->track[i].gap <= t->p.max_gap)
-            t->track[n++] = t->track[i];
+        if (t->track[i].segment >= 0 || ++t->track[i].gap <= t->p.max_gap) {
+            t->track[n] = t->track[i];
+            t->track[n++].box = 0;
+        }
     t->n = n;
 }
 
@@ -265,6 +272,32 @@ static void write_tracks(const tracker *t, arris_tracks *out) {
         out->item[i] = (arris_track){t->track[i].id, t->track[i].segment};
 }
 
+/* Where the track should go on in this frame. */
+static void expect(const tracker *t, track *k) {
+    k->segment = -1;
+    if (k->box > 0) {
+        k->predicted = k->foreseen;
+    } else {
+        predict(t, k, 0);
+        k->box = t->p.box;
+    }
+}
+
+void tracker_foresee(tracker *t, int32_t id, const arris_segment *where, double box) {
+    int32_t low = 0, high = t->n;
+    while (low < high) {
+        int32_t middle = (low + high) / 2;
+        if (t->track[middle].id < id)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    if (low < t->n && t->track[low].id == id) {
+        t->track[low].foreseen = *where;
+        t->track[low].box = box;
+    }
+}
+
 void tracker_run(tracker *t, const arris_segments *in, arris_tracks *out) {
     int32_t n = in->n < (uint32_t)t->p.max_tracks ? (int32_t)in->n : t->p.max_tracks;
     if (none_moves(t)) {
@@ -272,10 +305,8 @@ void tracker_run(tracker *t, const arris_segments *in, arris_tracks *out) {
         search(t, in->item, n, t->p.box / 10, 3);
     }
     t->time += find_step(t, in->item, n);
-    for (int32_t i = 0; i < t->n; i++) {
-        predict(t, &t->track[i], 0);
-        t->track[i].segment = -1;
-    }
+    for (int32_t i = 0; i < t->n; i++)
+        expect(t, &t->track[i]);
     memset(t->taken, 0, (size_t)n * sizeof *t->taken);
     for (int round = 0; round < 3 && join(t, in->item, n) > 0; round++)
         ;

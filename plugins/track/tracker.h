@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * tracker.h: which segment continues which track, from the picture alone (the thesis's box). No
- * dependency on the runtime.
+ * tracker.h: which segment continues which track, from the picture alone (the thesis's box) and
+ * from what is foreseen of the tracks. No dependency on the runtime.
  */
 #ifndef TRACKER_H
 #define TRACKER_H
@@ -19,6 +19,10 @@ typedef struct tracker_params {
 /* NULL when memory is short. For tracker_free. */
 tracker *tracker_new(const tracker_params *p);
 void tracker_free(tracker *t); /* NULL is allowed */
+
+/* The line of the track is at `where` in the next frame (its ends in order, the rest means
+ * nothing), to within `box` px across. No such track: nothing happens. */
+void tracker_foresee(tracker *t, int32_t id, const arris_segment *where, double box);
 
 /* Continues the tracks with the segments of the next frame, starts tracks for those that are left,
  * and writes all that are alive to `out`, by ascending id. Time is O(tracks x segments), memory is
