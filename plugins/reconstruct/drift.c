@@ -15,7 +15,7 @@
 
 static const double PRIOR_DOF = 4; /* weight of the expected size against the parts' own */
 static const double WORTH = 0.7;   /* a shorter run must bring the variance to this share */
-static const double SUSPECT = 2;   /* the excess over the expected at which a run is looked for */
+static const double SUSPECT = 1.6; /* the excess over the expected at which a run is looked for */
 enum { LEAST = 3 };                /* parts of a run */
 
 /* All views that take part, by parts; how many parts there are. */

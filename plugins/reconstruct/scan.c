@@ -38,9 +38,13 @@ struct scan {
     uint32_t linked, refused; /* tracks of this frame; those that found no room */
     link *now, *before;       /* hashed by track: of this frame and of the one before */
     uint32_t mask;
+    double weighted; /* mm: the noise of the positions by which the lines were last weighted */
+    uint32_t next_weighing; /* when `frames` is this */
 };
 
 enum { ESTABLISHED = 10 };                /* views after which a line is no accident */
+static const double CHANGED = 0.3;        /* relative, of the noise's variance */
+static const double INDISTINCT = 1e-5;    /* of the depth: less of it does not show */
 static const double TYPICAL_DEPTH = 1000; /* mm, until a line is measured */
 
 scan *scan_new(const scan_params *p) {
@@ -53,6 +57,7 @@ scan *scan_new(const scan_params *p) {
     s->p = *p;
     s->mask = (uint32_t)places - 1;
     s->scene = (scene){{p->pose_sigma, p->rot_sigma}, 1, 1, TYPICAL_DEPTH};
+    s->weighted = p->pose_sigma;
     s->pool = calloc(n, sizeof *s->pool);
     s->alive = calloc(n, sizeof(entry *));
     s->now = calloc(places, sizeof(link));
@@ -203,12 +208,8 @@ static void tell(scan *s, entry *e) {
 /* ---- frames --------------------------------------------------------------------------------- */
 
 /* The scene's scale is the lines' geometric mean, in which a wrong line weighs little. */
-static void update_scene(scan *s) {
+static void update_typical(scan *s) {
     double depth = 0, scale = 0, n = 0;
-    noise_end_frame(&s->noise);
-    if (s->p.pose_sigma <= 0)
-        s->scene.noise.position = noise_position(&s->noise);
-    s->scene.memory = noise_memory(&s->noise);
     for (uint32_t i = 0; i < s->n; i++) {
         const line *l = &s->alive[i]->l;
         if (!l->settled || l->all.n <= ESTABLISHED)
@@ -221,6 +222,31 @@ static void update_scene(scan *s) {
         s->scene.depth = exp(depth / n);
         s->scene.scale = exp(scale / n);
     }
+}
+
+/* What the lines sum up is weighted by the noise as it was estimated then. When that has changed
+ * they are weighted anew; asked at ever longer intervals. */
+static void follow_noise(scan *s) {
+    double now = s->scene.noise.position * s->scene.noise.position;
+    double then = s->weighted * s->weighted, least = INDISTINCT * s->scene.depth;
+    if (s->frames < s->next_weighing)
+        return;
+    s->next_weighing = s->frames + 1 + s->frames / 8;
+    if (fabs(now - then) < CHANGED * (then + least * least))
+        return;
+    s->weighted = s->scene.noise.position;
+    for (uint32_t i = 0; i < s->n; i++)
+        if (s->alive[i]->l.settled)
+            line_refine(&s->alive[i]->l, &s->scene);
+}
+
+static void update_scene(scan *s) {
+    noise_end_frame(&s->noise);
+    if (s->p.pose_sigma <= 0)
+        s->scene.noise.position = noise_position(&s->noise);
+    s->scene.memory = noise_memory(&s->noise);
+    follow_noise(s);
+    update_typical(s);
 }
 
 /* Drops what left in the frame before, and lines whose track ended before they could be told of. */
@@ -290,8 +316,12 @@ void scan_finish(scan *s) {
         entry *e = s->alive[i];
         e->changed = true;
         e->next_merge = 0;
-        line_complete(&e->l, &s->scene);
+        if (e->l.settled)
+            line_refine(&e->l, &s->scene);
     }
+    update_typical(s);
+    for (uint32_t i = 0; i < s->n; i++)
+        line_complete(&s->alive[i]->l, &s->scene);
     merge_all(s);
     drop(s);
     for (uint32_t i = 0; i < s->n; i++)
