@@ -2,8 +2,8 @@
  *
  * ring.c: how lanes wait for one another, and the bounded queue between two. One lane puts; taking
  * is open to both, since the putting one drops the oldest when the queue leaks, so the head moves
- * by compare-and-swap. A lane that must wait looks again a few times, then lets others run, since
- * the one it waits for may want its processor, then sleeps; only then is waking it paid for.
+ * by compare-and-swap. A lane that must wait looks again for some 25 us, then lets others run,
+ * since the one it waits for may want its processor, then sleeps; only then is waking it paid for.
  */
 #include <errno.h>
 #include <sched.h>
@@ -14,7 +14,7 @@
 
 #include "internal.h"
 
-enum { SPINS = 50, YIELDS = 4, SLEEP_MS = 50 };
+enum { SPINS = 1000, YIELDS = 2, SLEEP_MS = 50 };
 static int spins;
 
 int waiter_init(waiter *w) {
