@@ -288,15 +288,12 @@ static void a_folder_that_is_not_there(void **state) {
     }
 }
 
-/* A file system of its own with no room left; where one may not be made, a limit of a file's size
- * (so then it is "too large", not "no space"). Nothing of the file stays behind. */
+/* A file system of its own with no room left. Nothing of the file stays behind. */
 static void a_full_disk(void **state) {
     (void)state;
     static const char mounted[] =
         "mount -t tmpfs -o size=64k none full && { cat /dev/zero > full/fill 2>/dev/null; "
         "\"$0\" launch \"$1\"; rc=$?; ls -A full; exit $rc; }";
-    static const char limited[] =
-        "trap '' XFSZ; (ulimit -f 0; \"$0\" launch \"$1\"); rc=$?; ls -A full; exit $rc";
     static const char line[] =
         "imagesrc location=frames.csv ! edges ! undistort ! segments ! track "
         "! reconstruct ! filesink location=full/lines.json";
@@ -313,22 +310,18 @@ static void a_full_disk(void **state) {
         process_wait(&p);
         process_free(&p);
     }
-    bool own = p.code == 0;
-    if (own)
-        p = process_start(scratch("scan"), -1,
-                          (char *[]){unshare, (char *)"-rm", (char *)"/bin/sh", (char *)"-c",
-                                     (char *)mounted, arris, (char *)line, NULL});
-    else
-        p = process_start(scratch("scan"), -1,
-                          (char *[]){(char *)"/bin/sh", (char *)"-c", (char *)limited, arris,
-                                     (char *)line, NULL});
+    if (p.code != 0) {
+        print_message("no file system of its own may be mounted here: skipped; test_files fills a "
+                      "disk by a limit\n");
+        skip();
+    }
+    p = process_start(scratch("scan"), -1,
+                      (char *[]){unshare, (char *)"-rm", (char *)"/bin/sh", (char *)"-c",
+                                 (char *)mounted, arris, (char *)line, NULL});
     process_wait(&p);
-    if (!own)
-        print_message("no file system of its own may be mounted here: a limit takes its place\n");
-    assert_string_equal(p.out, own ? "fill\n" : "");
+    assert_string_equal(p.out, "fill\n");
     *p.out = '\0';
-    assert_one_error(&p, line, 4, "cannot write full/lines.json: ", NULL,
-                     own ? "free some space" : NULL);
+    assert_one_error(&p, line, 4, "cannot write full/lines.json: ", NULL, "free some space");
 }
 
 /* ---- and all the same ------------------------------------------------------------------------ */
