@@ -8,20 +8,31 @@
 
 #define LIMIT 2.f   /* sigma beyond which an offset counts less */
 #define INLIERS 0.7 /* share of the offsets that must be within */
+#define FEW 0.9     /* share above which one step is enough */
 #define MOST 1e5f   /* sigma: no limit is beyond */
 #define CHANCE 4.0  /* sigma from which waves are no chance */
 
 enum { BLOCKS = 8 };
 
-static void find_normal(const huber_data *d, huber_line *l) {
-    four w0 = {0}, w1 = {0}, w2 = {0};
+static void solve(huber_line *l, double a, double b) {
+    const double *w = l->normal, det = w[0] * w[2] - w[1] * w[1];
+    l->offset += (w[2] * a - w[1] * b) / det;
+    l->slope += (w[0] * b - w[1] * a) / det;
+}
+
+/* Fills in `normal`, too. */
+static void least_squares(const huber_data *d, huber_line *l) {
+    four w0 = {0}, w1 = {0}, w2 = {0}, q0 = {0}, q1 = {0};
     for (uint32_t i = 0; i * 4 < d->n; i++) {
         four ww = d->weight[i] * d->weight[i], wt = ww * d->t[i];
         w0 += ww, w1 += wt, w2 += wt * d->t[i];
+        q0 += ww * d->offset[i], q1 += wt * d->offset[i];
     }
     l->normal[0] = (double)four_sum(w0);
     l->normal[1] = (double)four_sum(w1);
     l->normal[2] = (double)four_sum(w2);
+    l->offset = l->slope = 0;
+    solve(l, (double)four_sum(q0), (double)four_sum(q1));
 }
 
 /* One step towards the line whose residuals, at most `limit` each, are orthogonal to it. Returns
@@ -39,11 +50,8 @@ static double step(const huber_data *d, huber_line *l, float limit) {
         e *= d->weight[i];
         q0 += e, q1 += e * d->t[i];
     }
-    double *w = l->normal, a = (double)four_sum(q0), b = (double)four_sum(q1);
-    double det = w[0] * w[2] - w[1] * w[1];
     l->misfit = (double)four_sum(square);
-    l->offset += (w[2] * a - w[1] * b) / det;
-    l->slope += (w[0] * b - w[1] * a) / det;
+    solve(l, (double)four_sum(q0), (double)four_sum(q1));
     return 1 - (double)(out[0] + out[1] + out[2] + out[3]) / d->n;
 }
 
@@ -64,14 +72,11 @@ static double narrow_down(const huber_data *d, huber_line *l) {
 }
 
 void huber_fit(const huber_data *d, huber_line *l) {
-    double share = 0;
-    l->offset = l->slope = 0;
-    find_normal(d, l);
-    step(d, l, INFINITY);
-    share = step(d, l, LIMIT);
+    least_squares(d, l);
+    double share = step(d, l, LIMIT);
     if (share < INLIERS)
         share = narrow_down(d, l);
-    else if (share < 1)
+    else if (share < FEW)
         share = step(d, l, LIMIT);
     l->spread = l->misfit / ((d->n - 2) * share * share);
 }

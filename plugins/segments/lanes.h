@@ -14,8 +14,9 @@
 typedef float eight __attribute__((vector_size(32), aligned(16)));
 typedef float four __attribute__((vector_size(16)));
 typedef uint8_t bytes __attribute__((vector_size(16)));
-typedef int32_t four_bits
-    __attribute__((vector_size(16))); /* all bits of a lane where it is true */
+typedef int32_t eight_ints __attribute__((vector_size(32), aligned(16)));
+/* All bits of a lane where it is true. */
+typedef int32_t four_bits __attribute__((vector_size(16)));
 
 INLINE float four_sum(four a) {
     return (a[0] + a[2]) + (a[1] + a[3]);

@@ -7,7 +7,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { MAX_ROUNDS = 32 };
+enum { MAX_ROUNDS = 32, ROUND = 3 /* points at either end that a corner may have rounded */ };
 
 /* ---- pieces --------------------------------------------------------------------------------- */
 
@@ -41,15 +41,10 @@ static void chord(piece *p) {
 
 piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw) {
     const arris_edge_point *q = &p[n - 1];
-    piece s = {.x1 = p->x,
-               .y1 = p->y,
-               .x2 = q->x,
-               .y2 = q->y,
-               .n = n,
-               .chain = chain,
-               .points = n,
-               .raw = raw};
-    for (uint32_t i = 0; i < n; i++) {
+    uint32_t skip = raw || n < 4 * ROUND ? 0 : ROUND;
+    piece s = {.chain = chain, .points = n, .raw = raw, .n = n - 2 * skip};
+    s.x1 = p->x, s.y1 = p->y, s.x2 = q->x, s.y2 = q->y;
+    for (uint32_t i = skip; i < n - skip; i++) {
         double x = p[i].x, y = p[i].y;
         s.x += x, s.y += y;
         s.xx += x * x, s.xy += x * y, s.yy += y * y;
@@ -59,12 +54,21 @@ piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw
     return s;
 }
 
+/* Variance of the points along the unit vector (u, v) about their mean. */
+static double variance(const piece *p, double u, double v) {
+    double mx = p->x / p->n, my = p->y / p->n;
+    double var = u * u * (p->xx / p->n - mx * mx) + 2 * u * v * (p->xy / p->n - mx * my) +
+                 v * v * (p->yy / p->n - my * my);
+    return fmax(var, 0);
+}
+
 double piece_scatter(const piece *p) {
-    double nx = -p->dy, ny = p->dx, mx = p->x / p->n, my = p->y / p->n;
-    double mean = (mx - p->x1) * nx + (my - p->y1) * ny;
-    double var = nx * nx * (p->xx / p->n - mx * mx) + 2 * nx * ny * (p->xy / p->n - mx * my) +
-                 ny * ny * (p->yy / p->n - my * my);
-    return fmax(var, 0) + mean * mean;
+    double mean = (p->y / p->n - p->y1) * p->dx - (p->x / p->n - p->x1) * p->dy;
+    return variance(p, -p->dy, p->dx) + mean * mean;
+}
+
+double piece_spread(const piece *p) {
+    return variance(p, p->dx, p->dy);
 }
 
 /* ---- joining -------------------------------------------------------------------------------- */

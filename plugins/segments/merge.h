@@ -28,12 +28,13 @@ struct piece {
     piece_pair best;
 };
 
-/* The piece of n >= 2 points. The line is fitted by total least squares; `raw`: it is that through
- * the first and the last point. */
+/* The piece of n >= 2 points. The line is fitted by total least squares, without the points at the
+ * ends that a corner may have rounded; `raw`: it is that through the first and the last point. */
 piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw);
 
-/* The points' mean squared distance from the piece's line, px². */
+/* The points' mean squared distance from the piece's line, and their variance along it, px². */
 double piece_scatter(const piece *p);
+double piece_spread(const piece *p);
 
 typedef struct piece_rule {
     double sine;    /* of the angle between the directions */

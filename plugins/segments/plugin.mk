@@ -1,1 +1,1 @@
-segments_CFLAGS := -O3
+segments_CFLAGS := -O3 -fno-math-errno -fno-trapping-math

@@ -38,7 +38,8 @@ typedef struct state {
     row_line line;
     double noise;       /* sigma of a pixel */
     double contrast[2]; /* signed along the row: in the middle, and per px along the line */
-    double base, level; /* a level near the step's; the one before it */
+    int base, shift;    /* a level near the step's; levels are measured in units of 2^shift */
+    double level;       /* before the step */
     double blur;        /* px */
     double widen;       /* relative excess of the blur over the filters' */
     double kink, slope; /* levels per px of the row that come of fading along the line */
@@ -191,7 +192,7 @@ static void move(row_line *l, double offset, double angle) {
 
 /* What the rows leave over, per degree of freedom, in sigma²; 0 without freedom. */
 static double shape(const state *s, const row_sums *sum) {
-    double rest = (double)(four_sum(sum->squares) - eight_sum(&sum->explained));
+    double rest = (double)(eight_sum(&sum->squares) - eight_sum(&sum->explained));
     return sum->dof > 0 && rest > 0 ? rest / ((double)sum->dof * s->noise * s->noise) : 0;
 }
 
@@ -199,7 +200,9 @@ static double shape(const state *s, const row_sums *sum) {
 static void first_look(state *s, const rows *r, double gradient) {
     double before, behind;
     rows_probe(r, PROBE, &before, &behind);
-    s->base = (before + behind) / 2;
+    s->base = (int)((before + behind) / 2);
+    while (fabs(behind - before) > STEP_MOST << s->shift)
+        s->shift++;
     s->blur = blur_guess(fabs(behind - before), gradient);
     if (!tells_blur(r))
         s->blur = fmin(s->blur, CROWDED_BLUR);
@@ -214,7 +217,7 @@ static bool improve(refitter *f, state *s, double gradient) {
     if (!(s->blur > 0))
         first_look(s, r, gradient);
     int scale = step_scale((float)s->blur * r->slant);
-    rows_measure(r, scale, (float)s->base);
+    rows_measure(r, scale, s->base, s->shift);
     if (!find_step(s, r))
         return false;
     s->blur = (double)(step_blur(scale) / r->slant) * (1 + s->widen);

@@ -8,6 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
 #define CLEAR 2.2     /* a neighbour's step is over at this many of its blurs */
 #define PULL 0.1      /* px by which a neighbour 3 px away moves an edge, about */
 #define PULL_FALL 1.2 /* px⁻¹ by which that falls */
@@ -132,8 +136,8 @@ static void place(rows *r, const stretch *s) {
     int width = r->columns ? r->image->height : r->image->width;
     float *along = (float *)r->t, *across = (float *)r->across, *shift = (float *)r->shift;
     course u = s->u, t = s->t, c = s->across;
-    float per_slant = 2 / r->slant;
-    uint32_t n = r->n;
+    float per_slant = 2 / r->slant, pull = 0;
+    uint32_t n = r->n, space = 0;
     for (int i = s->first; i < s->end && n < r->max; i++) {
         double x = u.value;
         float to_end = s->to_end - fabsf(along[n] = (float)t.value);
@@ -148,18 +152,19 @@ static void place(rows *r, const stretch *s) {
         int half = room_inside(s, before + 1, width, to_end);
         int near = crowd_nearest(r->crowd, r->columns, i, before + (part > 0.5f), s->own);
         int between = room_between(s, near);
-        half = half < between ? half : between;
-        if (half < STEP_MIN)
-            continue;
-        r->pull += r->pulls[(int)((float)near * per_slant)];
-        r->room += (uint32_t)half;
         int cell = (int)(part * STEP_PHASES); /* a filter's phase counts from the pixel behind */
         cell -= cell == STEP_PHASES;          /* rounded up */
+        half = half < between ? half : between;
         shift[n] = part - ((float)cell + 0.5f) / STEP_PHASES;
-        r->place[n++] = (row_place){(int16_t)i, (int16_t)(before + 1), (uint8_t)half,
-                                    (uint8_t)(STEP_PHASES - 1 - cell)};
+        r->place[n] = (row_place){i, before + 1, (uint8_t)half, (uint8_t)(STEP_PHASES - 1 - cell)};
+        bool kept = half >= STEP_MIN;
+        pull += kept ? r->pulls[(int)((float)near * per_slant)] : 0;
+        space += kept ? (uint32_t)half : 0;
+        n += kept;
     }
     r->n = n;
+    r->pull += pull;
+    r->room += space;
 }
 
 /* Whether rows or columns cut the line, and how slantwise. */
@@ -198,70 +203,83 @@ void rows_trace(rows *r, const row_line *l, double trim, float blur) {
 
 /* ---- what is there -------------------------------------------------------------------------- */
 
-INLINE void widen(const uint8_t *restrict b, four *restrict px) {
-    int16_t wide[STEP_WIDTH];
-    float *restrict level = (float *)px;
-    for (int j = 0; j < STEP_WIDTH; j++)
-        wide[j] = b[j];
-    for (int j = 0; j < STEP_WIDTH; j++)
-        level[j] = (float)wide[j];
+/* The part of the sixteen pixels around the place before pixel `at` that is within `half`, in any
+ * format. */
+static void fetch_some(const uint8_t *p, ptrdiff_t step, bool wide, int half, int base, int shift,
+                       int16_t *px) {
+    memset(px, 0, STEP_WIDTH * sizeof *px);
+    for (int j = STEP_HALF - half; j < STEP_HALF + half; j++, p += step) {
+        int level = ((wide ? *(const uint16_t *)(const void *)p : *p) - base) >> shift;
+        px[j] = (int16_t)(level < -STEP_MOST ? -STEP_MOST : level > STEP_MOST ? STEP_MOST : level);
+    }
 }
 
-INLINE void fetch_column(const uint8_t *p, ptrdiff_t s, four *px) {
+INLINE bytes gather(const uint8_t *p, ptrdiff_t s) {
     const uint8_t *q = p + 8 * s;
-    bytes b = {p[0], p[s], p[2 * s], p[3 * s], p[4 * s], p[5 * s], p[6 * s], p[7 * s],
-               q[0], q[s], q[2 * s], q[3 * s], q[4 * s], q[5 * s], q[6 * s], q[7 * s]};
-    widen((const uint8_t *)&b, px);
+    return (bytes){p[0], p[s], p[2 * s], p[3 * s], p[4 * s], p[5 * s], p[6 * s], p[7 * s],
+                   q[0], q[s], q[2 * s], q[3 * s], q[4 * s], q[5 * s], q[6 * s], q[7 * s]};
 }
 
-/* Any format, and at the border. */
-static void fetch_some(const uint8_t *p, ptrdiff_t step, bool wide, int half, four *px) {
-    float *level = (float *)px;
-    memset(px, 0, STEP_WIDTH * sizeof *level);
-    for (int j = STEP_HALF - half; j < STEP_HALF + half; j++, p += step)
-        level[j] = wide ? (float)*(const uint16_t *)(const void *)p : (float)*p;
-}
-
-/* The pixels around the place before pixel `at` of a row, those within `half` less the base and the
- * others 0. */
-INLINE void fetch(const rows *r, const row_place *q, float base, four *px) {
+/* The pixels of a row as differences from the base; those that are not within its half are 0. */
+INLINE void fetch(const rows *r, const row_place *q, int base, int shift, int16_t *px) {
     const arris_image *im = r->image;
-    const four *inside = r->steps->inside[q->half - STEP_MIN];
+    const int16_t *inside = r->steps->inside[q->half - STEP_MIN];
     ptrdiff_t size = (ptrdiff_t)im->format, step = r->columns ? im->stride : size;
     int width = r->columns ? im->height : im->width, at = q->at, half = q->half;
     const uint8_t *p = im->data + q->line * (r->columns ? size : im->stride);
-    if (at < STEP_HALF || at > width - STEP_HALF || size == 2)
-        fetch_some(p + (at - half) * step, step, size == 2, half, px);
-    else if (r->columns)
-        fetch_column(p + (at - STEP_HALF) * step, step, px);
-    else
-        widen(p + at - STEP_HALF, px);
-    for (int k = 0; k < 4; k++)
-        px[k] = (px[k] - base) * inside[k];
-}
-
-/* The filters' answers to a row. */
-INLINE void filter(const step_filter *f, const four *px, eight *answer) {
-    const float *level = (const float *)px;
-    eight a = {0}, b = {0}, c = {0}, d = {0};
-#pragma GCC unroll 4
-    for (int j = 0; j < STEP_WIDTH; j += 4) {
-        a += f->w[j] * level[j];
-        b += f->w[j + 1] * level[j + 1];
-        c += f->w[j + 2] * level[j + 2];
-        d += f->w[j + 3] * level[j + 3];
+    if (at < STEP_HALF || at > width - STEP_HALF || size == 2) {
+        fetch_some(p + (at - half) * step, step, size == 2, half, base, shift, px);
+        return;
     }
-    *answer = (a + b) + (c + d);
+    bytes b;
+    p += (at - STEP_HALF) * step;
+    if (r->columns)
+        b = gather(p, step);
+    else
+        memcpy(&b, p, sizeof b);
+    for (int j = 0; j < STEP_WIDTH; j++)
+        px[j] = (int16_t)((b[j] - base) & inside[j]);
 }
 
-INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t, const four *px) {
+/* The filters' answers to sixteen pixels, and the squares of these, in pairs. */
+typedef void filter(const step_filter *f, const int16_t *px, eight_ints *answer,
+                    eight_ints *square);
+
+static inline void filter_portable(const step_filter *f, const int16_t *px, eight_ints *answer,
+                                   eight_ints *square) {
+    int32_t sum[8] = {0};
+    for (int i = 0; i < STEP_WIDTH / 2; i++) {
+        int32_t a = px[2 * i], b = px[2 * i + 1];
+        for (int k = 0; k < 8; k++)
+            sum[k] += a * f->w[i][k][0] + b * f->w[i][k][1];
+        (*square)[i] = a * a + b * b;
+    }
+    memcpy(answer, sum, sizeof sum);
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static inline void
+filter_avx2(const step_filter *f, const int16_t *px, eight_ints *answer, eight_ints *square) {
+    __m256i all = _mm256_loadu_si256((const void *)px), sum = _mm256_setzero_si256();
+#pragma GCC unroll 8
+    for (int i = 0; i < STEP_WIDTH / 2; i++) {
+        int32_t pair;
+        memcpy(&pair, px + 2 * i, sizeof pair);
+        sum = _mm256_add_epi32(sum, _mm256_madd_epi16(_mm256_set1_epi32(pair),
+                                                      _mm256_loadu_si256((const void *)f->w[i])));
+    }
+    _mm256_storeu_si256((void *)answer, sum);
+    _mm256_storeu_si256((void *)square, _mm256_madd_epi16(all, all));
+}
+#endif
+
+INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t) {
     eight answer = f->response * *answers, weight = f->response * f->response;
     s->answer += answer;
     s->answer_t += answer * t;
     s->weight += weight;
     s->weight_t += weight * t;
     s->weight_tt += weight * (t * t);
-    s->squares += px[0] * px[0] + px[1] * px[1] + (px[2] * px[2] + px[3] * px[3]);
     s->explained += *answers * *answers;
     s->step += f->sum;
     s->tilt += f->response[STEP_CONTRAST] * f->tilt * (*answers)[STEP_SLOPE];
@@ -269,19 +287,24 @@ INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t
     s->dof += f->dof;
 }
 
-INLINE void measure(rows *r, const step_filter (*filters)[STEP_PHASES], float base) {
+/* `filters` are those of one scale. */
+INLINE void measure(rows *r, const step_filter (*filters)[STEP_PHASES], int base, int shift,
+                    filter *answer_to) {
     const float *t = (const float *)r->t;
     float *answer = (float *)r->answer, *response = (float *)r->response;
     float *gain = (float *)r->gain, *slopes = (float *)r->slopes, *unsure = (float *)r->unsure;
     float *by_kink = (float *)r->by_kink, *by_slope = (float *)r->by_slope;
+    float unit = (float)(1 << shift), per_answer = unit / STEP_UNIT;
     for (uint32_t i = 0; i < r->n; i++) {
         const row_place *q = &r->place[i];
         const step_filter *f = &filters[q->half - STEP_MIN][q->phase];
-        four px[STEP_WIDTH / 4];
-        eight a;
-        fetch(r, q, base, px);
-        filter(f, px, &a);
-        add(&r->sum, f, &a, t[i], px);
+        int16_t px[STEP_WIDTH];
+        eight_ints sum, square;
+        fetch(r, q, base, shift, px);
+        answer_to(f, px, &sum, &square);
+        eight a = __builtin_convertvector(sum, eight) * per_answer;
+        add(&r->sum, f, &a, t[i]);
+        r->sum.squares += __builtin_convertvector(square, eight) * (unit * unit);
         answer[i] = a[STEP_OFFSET];
         response[i] = f->response[STEP_OFFSET];
         gain[i] = f->gain;
@@ -291,27 +314,27 @@ INLINE void measure(rows *r, const step_filter (*filters)[STEP_PHASES], float ba
     }
 }
 
-static void measure_portable(rows *r, const step_filter (*f)[STEP_PHASES], float base) {
-    measure(r, f, base);
+static void measure_portable(rows *r, const step_filter (*f)[STEP_PHASES], int base, int shift) {
+    measure(r, f, base, shift, filter_portable);
 }
 
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) static void
-measure_avx2(rows *r, const step_filter (*f)[STEP_PHASES], float base) {
-    measure(r, f, base);
+measure_avx2(rows *r, const step_filter (*f)[STEP_PHASES], int base, int shift) {
+    measure(r, f, base, shift, filter_avx2);
 }
 #endif
 
-void rows_measure(rows *r, int scale, float base) {
+void rows_measure(rows *r, int scale, int base, int shift) {
     const step_filter(*filters)[STEP_PHASES] = r->steps->f[scale];
     r->sum = (row_sums){0};
 #if defined(__x86_64__)
     if (!r->portable && __builtin_cpu_supports("avx2")) {
-        measure_avx2(r, filters, base);
+        measure_avx2(r, filters, base, shift);
         return;
     }
 #endif
-    measure_portable(r, filters, base);
+    measure_portable(r, filters, base, shift);
 }
 
 /* ---- a first look --------------------------------------------------------------------------- */

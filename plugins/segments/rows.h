@@ -20,8 +20,8 @@ typedef struct row_line {
 
 /* Where a row is in the picture. */
 typedef struct row_place {
-    int16_t line; /* its number */
-    int16_t at;   /* the first pixel behind the line */
+    int32_t line; /* its number */
+    int32_t at;   /* the first pixel behind the line */
     uint8_t half; /* px to either side that are free of other edges */
     uint8_t phase;
 } row_place;
@@ -30,12 +30,11 @@ typedef struct row_place {
 typedef struct row_sums {
     eight answer, answer_t;            /* answers, and times t */
     eight weight, weight_t, weight_tt; /* responses, and times t, t² */
-    four squares;                      /* of the pixels, spread over the lanes */
+    eight squares;                     /* of the pixels, spread over the lanes */
     eight explained;                   /* of the answers */
     float step;                        /* Phi over all pixels */
     float tilt, flare;                 /* what slopes add to the sums of contrast and blur */
     float dof;                         /* pixels less filters */
-    uint32_t wide;                     /* rows that can tell slopes */
 } row_sums;
 
 enum { ROWS_PULLS = 2 * (CROWD_REACH + 1) + 1 };
@@ -45,10 +44,10 @@ typedef struct rows {
     const crowd *crowd;
     const arris_image *image;
     const arris_camera *lens; /* NULL: the line's coordinates are the picture's */
-    float pulls[ROWS_PULLS];  /* the same by their distance in half px */
+    float pulls[ROWS_PULLS];  /* px by which another edge moves this one, by half px between them */
     bool portable;            /* without what only some machines have; the same bits */
     uint32_t n, max;
-    float pull;    /* sum of the px by which neighbours may move the step */
+    float pull;    /* sum of the px by which other edges may move the step */
     uint32_t room; /* sum of the half-widths, px */
     bool columns;  /* the rows are columns of the picture */
     float slant;   /* px of a row that the step covers per px across it */
@@ -81,7 +80,7 @@ void rows_trace(rows *r, const row_line *l, double trim, float blur);
 void rows_probe(const rows *r, int reach, double *before, double *behind);
 
 /* Measures the rows by the filters of a scale. `base` is a grey level near those of the step, taken
- * off first to keep the digits. */
-void rows_measure(rows *r, int scale, float base);
+ * off first, and 2^shift levels are the unit: what is further off than STEP_MOST of them is cut. */
+void rows_measure(rows *r, int scale, int base, int shift);
 
 #endif

@@ -115,19 +115,21 @@ static void find_pieces(segmenter *s, const arris_edges *edges) {
 
 /* ---- lines ---------------------------------------------------------------------------------- */
 
-/* Line through the points, with a covariance from how they scatter. */
+/* Line through the points, with a covariance from how they scatter. A chord has the errors of its
+ * two ends, and the distances from it those of both; points on a line share theirs with neighbours.
+ */
 static void from_points(const piece *p, double length, arris_segment *out) {
-    double scatter = piece_scatter(p), var, lever = 12;
+    double scatter = piece_scatter(p), var;
     *out = (arris_segment){.x1 = p->x1, .y1 = p->y1, .x2 = p->x2, .y2 = p->y2};
-    if (p->raw) { /* the chord has the errors of its two ends, and the scatter has those of both */
+    if (p->raw) {
         bool aligned = fmin(fabs(p->x2 - p->x1), fabs(p->y2 - p->y1)) < 1.5; /* rounded alike */
         var = fmax(0.3 * scatter, aligned ? ROUNDING : 0);
-        lever = 4;
+        out->cov[2] = 4 * var / (length * length);
     } else {
-        var = CORRELATED * (scatter + LEAST_SCATTER) / p->n;
+        var = CORRELATED * (scatter + LEAST_SCATTER) / fmax(1, p->n - 2 * CORRELATED);
+        out->cov[2] = var / fmax(piece_spread(p), 1);
     }
     out->cov[0] = var;
-    out->cov[2] = lever * var / (length * length);
 }
 
 /* Whether the picture can be looked at, and through which lens. */

@@ -26,7 +26,7 @@ typedef struct segmenter_params {
 } segmenter_params;
 
 #define SEGMENTER_DEFAULTS                                                                         \
-    { 2, 0.05, 2, 12, SEGMENTER_REFIT }
+    { 2, 0.05, 2, 15, SEGMENTER_REFIT }
 
 /* How many segments a layer should hold for a picture of this size. */
 size_t segmenter_max(int width, int height);

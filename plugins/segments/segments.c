@@ -19,7 +19,7 @@ static const arris_prop props[] = {
                    "segments are joined when they differ in direction by less than this, and"),
     ARRIS_P_DOUBLE(struct segments, p.linkrad, "linkrad", "2", 0, 100, "px",
                    "are no further apart than this"),
-    ARRIS_P_DOUBLE(struct segments, p.min_length, "min-length", "12", 2, 8192, "px",
+    ARRIS_P_DOUBLE(struct segments, p.min_length, "min-length", "15", 2, 8192, "px",
                    "shorter segments are dropped"),
     ARRIS_P_ENUM(struct segments, p.mode, "mode", "refit", "refit|thesis",
                  "lines fitted to the grey levels, or the chains' raw end points"),

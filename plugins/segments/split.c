@@ -12,13 +12,21 @@ static float deviation(const arris_edge_point *p, uint32_t a, uint32_t b, uint32
     float x = p[a].x, y = p[a].y, dx = p[b].x - x, dy = p[b].y - y, most = 0;
     float length = sqrtf(dx * dx + dy * dy);
     *at = a;
+    if (length < 1) {
+        for (uint32_t i = a + 1; i < b; i++) {
+            float ex = p[i].x - x, ey = p[i].y - y, d = ex * ex + ey * ey;
+            if (d > most)
+                most = d, *at = i;
+        }
+        return sqrtf(most);
+    }
+    dx /= length, dy /= length;
     for (uint32_t i = a + 1; i < b; i++) {
-        float ex = p[i].x - x, ey = p[i].y - y;
-        float d = length < 1 ? sqrtf(ex * ex + ey * ey) : fabsf(ex * dy - ey * dx);
+        float d = fabsf((p[i].x - x) * dy - (p[i].y - y) * dx);
         if (d > most)
             most = d, *at = i;
     }
-    return length < 1 ? most : most / length;
+    return most;
 }
 
 /* The found corners grow from the front of `corner`, the ends still to be reached from its back;

@@ -70,7 +70,7 @@ static void make(step_filter *f, double s, int half, double shift) {
     for (int k = 0; k < parts; k++) {
         f->response[k] = (float)length[k];
         for (int j = 0; j < STEP_WIDTH; j++)
-            f->w[j][k] = (float)q[k][j];
+            f->w[j / 2][k][j % 2] = (int16_t)fmin(rint(STEP_UNIT * q[k][j]), INT16_MAX);
     }
     double gain = dot(q[STEP_OFFSET], wider[STEP_OFFSET]) / length[STEP_OFFSET];
     f->gain = (float)((gain - 1) / log(1.01));
@@ -97,7 +97,7 @@ void step_init(step_table *t) {
                      (p + 0.5) / STEP_PHASES);
     for (int half = STEP_MIN; half <= STEP_HALF; half++)
         for (int j = STEP_HALF - half; j < STEP_HALF + half; j++)
-            t->inside[half - STEP_MIN][j / 4][j % 4] = 1;
+            t->inside[half - STEP_MIN][j] = -1;
 }
 
 /* A float's bits from the exponent to the third of the mantissa count eighths of octaves. */

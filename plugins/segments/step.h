@@ -23,10 +23,13 @@ enum {
 
 enum { STEP_MEAN, STEP_CONTRAST, STEP_OFFSET, STEP_BLUR, STEP_KINK, STEP_SLOPE, STEP_FILTERS };
 
+#define STEP_UNIT 32768 /* of the weights; answers to pixels within +-STEP_MOST stay below 2^31 */
+#define STEP_MOST 8191
+
 /* For one blur, half-width and phase. Pixel j is j - STEP_HALF + (phase + 0.5) / STEP_PHASES px
  * from the step; those outside of the half-width have weight 0. */
 typedef struct step_filter {
-    eight w[STEP_WIDTH]; /* of each pixel in each filter */
+    int16_t w[STEP_WIDTH / 2][8][2]; /* of each pair of pixels in each filter */
     /* What the filters answer to one level, one level of contrast, per level of contrast one px
      * towards the dark and blur that grows by a factor of e, and slopes of one level per px. */
     eight response;
@@ -35,16 +38,14 @@ typedef struct step_filter {
     float by_kink;     /* and per level per px */
     float by_slope;    /* the same */
     float unsure;      /* how much sigma grows, relatively, when that is taken out */
-    float tilt,
-        flare; /* what the common slope adds to the answers of contrast and blur, per its own */
-    float sum; /* of Phi over the row */
-    float dof; /* pixels less filters */
+    float tilt, flare; /* what the common slope adds to contrast and blur, per its own answer */
+    float sum;         /* of Phi over the row */
+    float dof;         /* pixels less filters */
 } step_filter;
 
 typedef struct step_table {
     step_filter f[STEP_SCALES][STEP_HALF + 1 - STEP_MIN][STEP_PHASES];
-    four inside[STEP_HALF + 1 - STEP_MIN]
-               [STEP_WIDTH / 4]; /* 1 for the pixels within a half-width, 0 else */
+    int16_t inside[STEP_HALF + 1 - STEP_MIN][STEP_WIDTH]; /* -1 within a half-width, 0 else */
 } step_table;
 
 void step_init(step_table *t);
