@@ -5,7 +5,6 @@
  */
 #include "arris_plugin.h"
 
-
 #include "canny.h"
 
 struct edges {
