@@ -26,7 +26,8 @@ ldflags  = $(san) $(LDFLAGS)
 core_src   := $(sort $(wildcard core/*.c))
 cli_src    := core/cli/main.c core/cli/launch.c core/cli/stages.c
 common_src := $(sort $(wildcard plugins/common/*.c))
-plugins    := $(filter-out common,$(notdir $(patsubst %/,%,$(sort $(wildcard plugins/*/)))))
+plugins    := $(filter-out common,$(notdir $(patsubst %/,%,$(sort $(wildcard plugins/*/) \
+              $(dir $(wildcard drivers/*/plugin.mk))))))
 headers    := core/arris.h core/arris_plugin.h core/arris_geometry.h core/arris_types.h
 
 .PHONY: all demo test check bench experiments lint format install uninstall clean setup-% \
@@ -35,16 +36,19 @@ headers    := core/arris.h core/arris_plugin.h core/arris_geometry.h core/arris_
 .SECONDARY:
 all: $(B)/arris $(plugins:%=$(B)/lib/arris/%.stages)
 
-# What each plugin and test needs beyond core: NAME_PKGS (pkg-config), NAME_CFLAGS, NAME_LIBS.
-include $(wildcard plugins/*/plugin.mk) tests/tests.mk
+# What each plugin and test needs beyond core: NAME_PKGS (pkg-config), NAME_CFLAGS, NAME_LIBS, and
+# NAME_uses: the plugins whose objects it is linked with as well.
+include $(wildcard plugins/*/plugin.mk drivers/*/plugin.mk) tests/tests.mk
 common_PKGS := jansson
 
 obj         = $(patsubst %,$(B)/obj/%.o,$(1))
-plugin_obj  = $(call obj,$(sort $(wildcard plugins/$(1)/*.c plugins/$(1)/*.cc)))
+plugin_obj  = $(call obj,$(sort $(wildcard $(foreach d,plugins drivers,$(d)/$(1)/*.c $(d)/$(1)/*.cc))))
 kernel_obj  = $(filter-out %/plugin.c.o,$(plugin_obj))
+used_obj    = $(foreach p,$($(1)_uses),$(call kernel_obj,$(p)))
 pkg_cflags  = $(if $($(1)_PKGS),$(shell pkg-config --cflags $($(1)_PKGS))) $($(1)_CFLAGS)
 pkg_libs    = $(if $($(1)_PKGS),$(shell pkg-config --libs $($(1)_PKGS))) $($(1)_LIBS)
-owner       = $(if $(filter plugins/%,$(1)),$(word 2,$(subst /, ,$(1))),$(notdir $(1)))
+used_libs   = $(foreach p,$(1) $($(1)_uses),$(call pkg_libs,$(p)))
+owner       = $(if $(filter plugins/% drivers/%,$(1)),$(word 2,$(subst /, ,$(1))),$(notdir $(1)))
 
 # V=1 shows every command whole.
 Q  := $(if $(V),,@)
@@ -63,7 +67,7 @@ $(B)/obj/%.cc.o: %.cc Makefile | $(B)/packages
 
 # Names what is missing before a compiler stumbles over it.
 pkgs := $(sort $(common_PKGS) $(foreach p,$(plugins),$($(p)_PKGS)))
-$(B)/packages: $(wildcard plugins/*/plugin.mk)
+$(B)/packages: $(wildcard plugins/*/plugin.mk drivers/*/plugin.mk)
 	@mkdir -p $(@D)
 	@for p in $(pkgs); do pkg-config --exists $$p || { \
 	    echo "make: the library $$p is missing; 'make setup-build' installs what the build needs" >&2; \
@@ -89,11 +93,11 @@ $(B)/mklist: $(call obj,core/cli/mklist.c)
 	$(Q)$(CC) -o $@ $^ $(ldflags) -ldl
 
 .SECONDEXPANSION:
-$(B)/lib/arris/%.so: $$(call plugin_obj,$$*) $(B)/common.a $(B)/lib/libarris.so.1
+$(B)/lib/arris/%.so: $$(call plugin_obj,$$*) $$(call used_obj,$$*) $(B)/common.a $(B)/lib/libarris.so.1
 	@mkdir -p $(@D)
 	$(call say,MAKE,$@)
 	$(Q)$(CXX) -shared -o $@ $(filter %.o %.a,$^) -L$(B)/lib -larris $(ldflags) -Wl,-z,defs -Wl,-rpath,'$$ORIGIN/..' \
-	    -Wl,--exclude-libs,ALL $(call pkg_libs,$*) $(call pkg_libs,common) -lm
+	    -Wl,--exclude-libs,ALL $(call used_libs,$*) $(call pkg_libs,common) -lm
 $(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
 	$(call say,MAKE,$@)
 	$(Q)$(B)/mklist $< > $@
@@ -132,7 +136,7 @@ $(B)/report: $(call obj,samples/box/report.c)
 # ---- tests: one program a module, linked with the plugin of its name --------------------------
 
 tests      := $(sort $(patsubst tests/test_%.c,%,$(wildcard tests/test_*.c)))
-test_parts  = $(1) $(test_$(1)_uses)
+test_parts  = $(1) $(sort $($(1)_uses) $(test_$(1)_uses))
 $(B)/tests/test_%: $$(call obj,tests/test_$$*.c) \
         $$(foreach p,$$(call test_parts,$$*),$$(call kernel_obj,$$p)) $(B)/common.a $(B)/libarris.a
 	@mkdir -p $(@D)
@@ -168,7 +172,7 @@ run-fuzz:
 	    > $(B)/fuzz/{}.log 2>&1 || { tail -30 $(B)/fuzz/{}.log; exit 255; }; tail -1 $(B)/fuzz/{}.log'
 fuzzers: $(fuzzers:%=$(B)/fuzz_%)
 $(B)/fuzz_%: $$(call obj,tests/fuzz/fuzz_$$*.c) \
-        $$(foreach p,$$(fuzz_$$*_uses),$$(call kernel_obj,$$p)) $(B)/common.a $(B)/libarris.a
+        $$(call used_obj,fuzz_$$*) $(B)/common.a $(B)/libarris.a
 	$(call say,MAKE,$@)
 	$(Q)$(CXX) -fsanitize=fuzzer,address,undefined -o $@ $^ \
 	    $(foreach p,$(fuzz_$*_uses) common,$(call pkg_libs,$(p))) -lm -lpthread -ldl
@@ -181,10 +185,10 @@ bench: setup-bench
 run-benches: all $(benches:%=$(B)/bench/%)
 	@for b in $(benches); do echo "== $$b"; $(B)/bench/$$b || exit 1; done
 $(B)/bench/%: $$(call obj,$$(wildcard tests/bench/$$*.c tests/bench/$$*.cc)) \
-        $$(foreach p,$$($$*_uses),$$(call kernel_obj,$$p)) $(B)/common.a $(B)/libarris.a
+        $$(call used_obj,$$*) $(B)/common.a $(B)/libarris.a
 	@mkdir -p $(@D)
 	$(call say,MAKE,$@)
-	$(Q)$(CXX) -o $@ $^ $(ldflags) $(foreach p,$($*_uses) $* common,$(call pkg_libs,$(p))) -lm -lpthread -ldl
+	$(Q)$(CXX) -o $@ $^ $(ldflags) $(call used_libs,$*) $(call pkg_libs,common) -lm -lpthread -ldl
 
 # ---- experiments: figures and tables of the thesis's, samples/experiments ----------------------
 

@@ -117,6 +117,14 @@ void arris_print_stages(FILE *out, bool json);
 /* Explains one stage from its descriptor. Returns 0, or an error with *err filled. */
 int arris_print_stage(const char *name, FILE *out, bool json, arris_error *err);
 
+/* A subcommand `arris NAME ...` that a plugin gives: takes its words, words[0] its name, and
+ * returns the program's exit code. NULL with *err filled (USAGE, PLUGIN) when there is none. Any
+ * thread. */
+typedef int (*arris_command)(int n, char **words);
+arris_command arris_find_command(const char *name, arris_error *err);
+/* Lists the plugins' subcommands, one a line. Any thread. */
+void arris_print_commands(FILE *out);
+
 #pragma GCC visibility pop
 #ifdef __cplusplus
 }

@@ -2,9 +2,10 @@
  *
  * arris_plugin.h: the only header a stage includes.
  *
- * A plugin is a shared object that exports one symbol, `arris_plugin`, which lists its stages. A
- * stage is a descriptor: a private struct that the host allocates and zeroes, a table of properties
- * that the host parses, range-checks and stores into it, and callbacks. samples/template is one.
+ * A plugin is a shared object that exports one symbol, `arris_plugin`, which lists its stages and
+ * subcommands. A stage is a descriptor: a private struct that the host allocates and zeroes, a
+ * table of properties that the host parses, range-checks and stores into it, and callbacks.
+ * samples/template is one.
  *
  * The life of a stage, in order:
  *   settle   once, any time before the graph is checked: the properties are known, nothing is open
@@ -123,11 +124,20 @@ typedef struct arris_stage_desc {
     void (*close)(arris_stage *s, void *self);
 } arris_stage_desc;
 
+/* A subcommand of the program: `arris NAME ...`. */
+typedef struct arris_command_desc {
+    size_t size; /* sizeof(arris_command_desc) as the plugin was built: fields are only appended */
+    const char *name, *summary;
+    /* argv[0] is the name. Reports its own errors on stderr and returns the program's exit code. */
+    int (*run)(int argc, char **argv);
+} arris_command_desc;
+
 typedef struct arris_plugin_desc {
-    size_t size;  /* sizeof(arris_plugin_desc) */
+    size_t size;  /* sizeof(arris_plugin_desc) as the plugin was built: fields are only appended */
     uint32_t abi; /* ARRIS_ABI */
     const char *name, *licence;
-    const arris_stage_desc *const *stages; /* NULL-terminated */
+    const arris_stage_desc *const *stages;     /* NULL-terminated */
+    const arris_command_desc *const *commands; /* NULL-terminated; NULL: none */
 } arris_plugin_desc;
 
 /* In a plugin: ARRIS_PLUGIN("mine", "LGPL-2.1-or-later", &stage_a, &stage_b); */
@@ -136,11 +146,13 @@ typedef struct arris_plugin_desc {
 #else
 #define ARRIS_EXPORT __attribute__((visibility("default")))
 #endif
-#define ARRIS_PLUGIN(name, licence, ...)                                                           \
+#define ARRIS_PLUGIN(name, licence, ...) ARRIS_PLUGIN_COMMANDS(name, licence, NULL, __VA_ARGS__)
+/* The same with a NULL-terminated array of subcommands; a plugin without stages lists NULL. */
+#define ARRIS_PLUGIN_COMMANDS(name, licence, commands, ...)                                        \
     static const arris_stage_desc *const arris_plugin_stages[] = {__VA_ARGS__, NULL};              \
     ARRIS_EXPORT const arris_plugin_desc arris_plugin;                                             \
     const arris_plugin_desc arris_plugin = {sizeof(arris_plugin_desc), ARRIS_ABI, name, licence,   \
-                                            arris_plugin_stages}
+                                            arris_plugin_stages,       commands}
 
 /* ---- the stage and its host ----------------------------------------------------------------- */
 

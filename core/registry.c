@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * registry.c: finds stages. The folders of ARRIS_PLUGIN_PATH come first, then the one beside the
- * library. A text list X.stages beside X.so says what is in it, so that only what a line names is
- * opened; a plugin without a list is opened when a name is found nowhere else. Why one could not be
- * loaded is kept and told when its stage is asked for.
+ * registry.c: finds stages and subcommands. The folders of ARRIS_PLUGIN_PATH come first, then the
+ * one beside the library. A text list X.stages beside X.so says what is in it, so that only what a
+ * line names is opened; a plugin without a list is opened when a name is found nowhere else. Why
+ * one could not be loaded is kept and told when its stage is asked for.
  */
 #include <dirent.h>
 #include <dlfcn.h>
@@ -16,12 +16,13 @@ enum { MAX_PLUGINS = 256, MAX_PATH = 1024 };
 
 typedef struct plugin {
     char path[MAX_PATH]; /* of the .so */
-    char *list;          /* "stage edges\nstage ...", or NULL */
+    char *list;          /* "stage edges\ncommand ...", or NULL */
     bool opened;
     const arris_plugin_desc *desc; /* NULL: not loaded */
     char why[400];                 /* that it could not be */
     const arris_stage_desc **stage;
     size_t n_stages;
+    const arris_command_desc *const *command; /* NULL-terminated */
 } plugin;
 
 static plugin *plugins[MAX_PLUGINS];
@@ -128,26 +129,37 @@ static void open_plugin(plugin *p) {
     else if (d->abi != ARRIS_ABI)
         snprintf(p->why, sizeof p->why,
                  "it was built for ABI %u of Arris, this is ABI %d: rebuild it", d->abi, ARRIS_ABI);
-    else if (d->size < sizeof *d || !d->stages)
+    else if (d->size < offsetof(arris_plugin_desc, commands) || !d->stages)
         snprintf(p->why, sizeof p->why, "its descriptor is not valid");
     else
         p->desc = d;
+    static const arris_command_desc *const none[] = {NULL};
+    p->command = p->desc && p->desc->size >= sizeof *d && d->commands ? d->commands : none;
     if (p->desc)
         take_stages(p);
 }
 
-static const arris_stage_desc *stage_in(const plugin *p, const char *name) {
-    for (size_t i = 0; i < p->n_stages; i++)
+/* What a launch line or the command line names; its word in a list and in messages. */
+typedef enum kind { STAGE, COMMAND } kind;
+static const char *const kind_word[] = {"stage", "command"};
+static const char *const builtin_commands[] = {"launch", "stages"}; /* core/cli */
+
+static const void *in_plugin(const plugin *p, kind k, const char *name) {
+    for (size_t i = 0; k == STAGE && i < p->n_stages; i++)
         if (strcmp(p->stage[i]->name, name) == 0)
             return p->stage[i];
+    for (size_t i = 0; k == COMMAND && p->command[i]; i++)
+        if (strcmp(p->command[i]->name, name) == 0)
+            return p->command[i];
     return NULL;
 }
 
-/* Whether a list has the line "stage NAME". */
-static bool listed(const char *list, const char *name) {
-    size_t n = strlen(name);
+/* Whether a list has the line "stage NAME", or "command NAME". */
+static bool listed(const char *list, kind k, const char *name) {
+    char line[MAX_NAME + 16];
+    size_t n = (size_t)snprintf(line, sizeof line, "%s %s", kind_word[k], name);
     for (const char *l = list; l && *l; l = strchr(l, '\n') ? strchr(l, '\n') + 1 : NULL)
-        if (!strncmp(l, "stage ", 6) && !strncmp(l + 6, name, n) && (l[6 + n] == '\n' || !l[6 + n]))
+        if (n < sizeof line && !strncmp(l, line, n) && (l[n] == '\n' || !l[n]))
             return true;
     return false;
 }
@@ -159,55 +171,83 @@ static const arris_stage_desc *built_in(const char *name) {
     return NULL;
 }
 
-static void unknown(const char *name, const token *t, arris_error *err) {
+static void offer_all(nearest *near, kind k, const plugin *p) {
+    for (size_t i = 0; k == STAGE && i < p->n_stages; i++)
+        nearest_offer(near, p->stage[i]->name);
+    for (size_t i = 0; k == COMMAND && p->command[i]; i++)
+        nearest_offer(near, p->command[i]->name);
+}
+
+static void unknown(kind k, const char *name, const token *t, arris_error *err) {
     nearest near = {.word = name};
-    char hint[512] = "`arris stages` lists what there is";
+    char hint[512];
     bool broken = false;
-    for (size_t i = 0; builtin_stages[i]; i++)
+    snprintf(hint, sizeof hint, "`arris %s` lists what there is", k == STAGE ? "stages" : "--help");
+    for (size_t i = 0; k == STAGE && builtin_stages[i]; i++)
         nearest_offer(&near, builtin_stages[i]->name);
+    for (size_t i = 0; k == COMMAND && i < COUNT(builtin_commands); i++)
+        nearest_offer(&near, builtin_commands[i]);
     for (size_t i = 0; i < n_plugins; i++) {
         open_plugin(plugins[i]);
-        for (size_t k = 0; k < plugins[i]->n_stages; k++)
-            nearest_offer(&near, plugins[i]->stage[k]->name);
+        offer_all(&near, k, plugins[i]);
         if (*plugins[i]->why && !plugins[i]->list && !broken)
             broken = snprintf(hint, sizeof hint, "a plugin was not loaded: %.120s: %.300s",
                               plugins[i]->path, plugins[i]->why) > 0;
     }
     const char *best = nearest_result(&near);
-    error_at(err, t, 0, ARRIS_E_RECIPE, hint, "there is no stage '%.100s'%s%s%s", name,
-             best ? "; did you mean '" : "", best ? best : "", best ? "'?" : "");
+    error_at(err, t, 0, k == STAGE ? ARRIS_E_RECIPE : ARRIS_E_USAGE, hint,
+             "there is no %s '%.100s'%s%s%s", kind_word[k], name, best ? "; did you mean '" : "",
+             best ? best : "", best ? "'?" : "");
 }
 
-static const arris_stage_desc *find(const char *name, const token *t, arris_error *err) {
+static const void *find(kind k, const char *name, const token *t, arris_error *err) {
     for (int with_list = 1; with_list >= 0; with_list--)
         for (size_t i = 0; i < n_plugins; i++) {
             plugin *p = plugins[i];
-            if (with_list ? !listed(p->list, name) : p->list != NULL)
+            if (with_list ? !listed(p->list, k, name) : p->list != NULL)
                 continue;
             open_plugin(p);
-            const arris_stage_desc *d = stage_in(p, name);
+            const void *d = in_plugin(p, k, name);
             if (d)
                 return d;
             if (with_list) {
-                error_at(err, t, 0, ARRIS_E_PLUGIN,
-                         *p->why ? p->why : "its list of stages is stale",
+                error_at(err, t, 0, ARRIS_E_PLUGIN, *p->why ? p->why : "its list is stale",
                          "the plugin of '%s' cannot be loaded: %s", name, p->path);
                 return NULL;
             }
         }
-    unknown(name, t, err);
+    unknown(k, name, t, err);
     return NULL;
+}
+
+static const void *find_locked(kind k, const char *name, const token *t, arris_error *err) {
+    pthread_once(&scanned, scan);
+    pthread_mutex_lock(&lock);
+    const void *d = find(k, name, t, err);
+    pthread_mutex_unlock(&lock);
+    return d;
 }
 
 const arris_stage_desc *registry_find(const char *name, const token *t, arris_error *err) {
     const arris_stage_desc *d = built_in(name);
-    if (d)
-        return d;
+    return d ? d : find_locked(STAGE, name, t, err);
+}
+
+arris_command arris_find_command(const char *name, arris_error *err) {
+    const arris_command_desc *d = find_locked(COMMAND, name, NULL, err);
+    return d ? d->run : NULL;
+}
+
+void arris_print_commands(FILE *out) {
     pthread_once(&scanned, scan);
     pthread_mutex_lock(&lock);
-    d = find(name, t, err);
+    for (size_t i = 0; i < n_plugins; i++) {
+        open_plugin(plugins[i]);
+        for (size_t k = 0; plugins[i]->command[k]; k++)
+            fprintf(out, "  %-12s %s\n", plugins[i]->command[k]->name,
+                    plugins[i]->command[k]->summary);
+    }
     pthread_mutex_unlock(&lock);
-    return d;
 }
 
 typedef struct entry {

@@ -66,7 +66,8 @@ static void bad_lines(void **state) {
         {"launch --trace", "requires an argument", NULL, "--help"},
         {"launch --check", "give it a pipeline", NULL, NULL},
         {"launch", "give it a pipeline", NULL, NULL},
-        {"lanch fakesrc ! fakesink", "there is no command 'lanch'", NULL, NULL},
+        {"lanch fakesrc ! fakesink", "did you mean 'launch'?", NULL, "arris --help"},
+        {"testword a", "there is no command 'testword'; did you mean 'testwords'?", NULL, NULL},
         {"stages nosuch", "there is no stage 'nosuch'", NULL, NULL},
         {"stages identitty", "did you mean 'identity'?", NULL, NULL},
         {"stages --bogus", "'--bogus' is not expected", NULL, NULL},
@@ -160,7 +161,7 @@ static void plugins_that_cannot_be_loaded(void **state) {
     }
     plugin_folder("stage testold\n");
     scratch_link("broken/x.so", "tests/plugins/parts.so");
-    broken_plugin("testold", "", "its list of stages is stale");
+    broken_plugin("testold", "", "its list is stale");
 }
 
 /* What a line does not name does not disturb it. */
@@ -358,6 +359,17 @@ static void version_and_help(void **state) {
 }
 
 /* A disk that is full is no success. */
+static void plugins_give_commands(void **state) {
+    (void)state;
+    process p = arris_run("testwords one two");
+    assert_int_equal(p.code, 3);
+    assert_string_equal(p.out, "testwords\none\ntwo\n");
+    process_free(&p);
+    p = arris_run("--help");
+    assert_non_null(strstr(p.out, "testwords    prints its words"));
+    process_free(&p);
+}
+
 static void what_cannot_be_printed_is_an_error(void **state) {
     (void)state;
     static const char *const line[] = {"--help", "stages --json",
@@ -603,6 +615,7 @@ int main(void) {
         cmocka_unit_test_setup(the_graph_is_written, with_parts),
         cmocka_unit_test_setup(messages_go_to_stderr, with_parts),
         cmocka_unit_test_setup(version_and_help, with_parts),
+        cmocka_unit_test_setup(plugins_give_commands, with_parts),
         cmocka_unit_test_setup(what_cannot_be_printed_is_an_error, with_parts),
         cmocka_unit_test(every_stage_is_described),
         cmocka_unit_test(every_example_runs),

@@ -10,6 +10,7 @@
 static const char help[] =
     "usage: arris launch [--check] [--stats] [--trace FILE] [--dot FILE] [-q] [-v] PIPELINE\n"
     "       arris stages [NAME] [--json]\n"
+    "       arris COMMAND ...\n"
     "       arris --version | --help\n"
     "\n"
     "PIPELINE is stages with '!' between them, as words or as one quoted string, or a recipe file\n"
@@ -26,7 +27,9 @@ static const char help[] =
     "\n"
     "Ctrl-C ends the stream and writes the results; a second one aborts.\n"
     "Exit codes: 0 ok or pass, 1 fail, 2 usage or recipe, 3 indeterminate, 4 device or input,\n"
-    "5 internal.\n";
+    "5 internal.\n"
+    "\n"
+    "COMMAND is one that a plugin gives, and has a --help of its own:\n";
 
 int cli_error(const arris_error *err) {
     fputs("arris: ", stderr);
@@ -52,13 +55,17 @@ static int run(int argc, char **argv) {
     }
     if (strcmp(command, "--help") == 0 || strcmp(command, "-h") == 0) {
         fputs(help, stdout);
+        arris_print_commands(stdout);
         return 0;
     }
-    if (*command)
-        fprintf(stderr, "arris: there is no command '%s'; see `arris --help`\n", command);
-    else
+    if (!*command) {
         fputs(help, stderr);
-    return 2;
+        arris_print_commands(stderr);
+        return 2;
+    }
+    arris_error err;
+    arris_command c = arris_find_command(command, &err);
+    return c ? c(argc - 1, argv + 1) : cli_error(&err);
 }
 
 int main(int argc, char **argv) {

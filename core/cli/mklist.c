@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * mklist.c: used by the build: prints the list of a plugin's stages that stands beside it.
+ * mklist.c: used by the build: prints the list of a plugin's stages and subcommands that stands
+ * beside it.
  */
 #include <dlfcn.h>
 #include <stdio.h>
@@ -16,5 +17,7 @@ int main(int argc, char **argv) {
     }
     for (size_t i = 0; d->stages[i]; i++)
         printf("stage %s\n", d->stages[i]->name);
+    for (size_t i = 0; d->commands && d->commands[i]; i++)
+        printf("command %s\n", d->commands[i]->name);
     return 0;
 }

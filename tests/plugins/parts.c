@@ -381,5 +381,16 @@ static const arris_stage_desc testnote = {
     .close = testnote_close,
 };
 
-ARRIS_PLUGIN("parts", "LGPL-2.1-or-later", &testsrc, &testahead, &testmap.desc, &testdrop,
-             &testhold, &testfail, &testgive, &testask, &testnote);
+/* A subcommand: prints its words and returns their number. */
+static int print_words(int argc, char **argv) {
+    for (int i = 0; i < argc; i++)
+        puts(argv[i]);
+    return argc;
+}
+
+static const arris_command_desc testwords = {sizeof(arris_command_desc), "testwords",
+                                             "prints its words", print_words};
+static const arris_command_desc *const commands[] = {&testwords, NULL};
+
+ARRIS_PLUGIN_COMMANDS("parts", "LGPL-2.1-or-later", commands, &testsrc, &testahead, &testmap.desc,
+                      &testdrop, &testhold, &testfail, &testgive, &testask, &testnote);
