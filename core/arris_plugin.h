@@ -165,9 +165,9 @@ bool arris_has(const arris_stage *s, enum arris_layer layer);
 
 /* In setup: reserves the buffers of a layer that the stage gives, for all frames that can be in
  * flight. Capacities by layer: IMAGE and FLOW take the size of the stage's outgoing caps and
- * ignore both numbers; EDGES n points, m chains; SEGMENTS, TRACKS, LINES, CORNERS n items; POSE
- * none; a user layer n bytes. Call it last in setup. Returns 0 or ARRIS_E_INTERNAL when the stage
- * does not give that layer. */
+ * ignore both numbers; EDGES n points, m chains; VERDICT n features, m lines; SEGMENTS, TRACKS,
+ * LINES, CORNERS n items; POSE none; a user layer n bytes. Call it last in setup. Returns 0 or
+ * ARRIS_E_INTERNAL when the stage does not give that layer. */
 int arris_reserve(arris_stage *s, enum arris_layer layer, size_t n, size_t m);
 
 /* In setup: how many items a layer that reaches this stage holds at most, as its giver reserved it;

@@ -72,7 +72,8 @@ typedef struct arris_caps {
     X(TRACKS, "tracks", arris_tracks, "which segment continues which track")                       \
     X(LINES, "lines", arris_lines, "3D lines with covariance")                                     \
     X(CORNERS, "corners", arris_corners, "sub-pixel corner points")                                \
-    X(FLOW, "flow", arris_flow, "how far every pixel has moved since the frame before")
+    X(FLOW, "flow", arris_flow, "how far every pixel has moved since the frame before")            \
+    X(VERDICT, "verdict", arris_verdict, "nominal edges compared with the measured lines")
 
 enum arris_layer {
 #define X(NAME, name, type, what) ARRIS_##NAME,
@@ -207,6 +208,34 @@ typedef struct arris_flow {
     float *u, *v;          /* px, to the right and down */
     uint8_t *grey_u, *grey_v;
 } arris_flow;
+
+enum arris_judgement { ARRIS_PASS, ARRIS_FAIL, ARRIS_INDETERMINATE };
+
+/* A nominal edge, or what derives from two of them, against what was measured. A deviation is
+ * positive on the outer side of the part where its model has faces, and where it has none. */
+typedef struct arris_feature {
+    char id[64];
+    bool is_angle;         /* deviations, U and tolerance are rad; otherwise mm */
+    double deviation, U;   /* the mean along the feature, and its U = k u; NAN: not measured */
+    double worst, worst_U; /* of the worst point */
+    double straightness;   /* mm, RMS of the observed points about their line; NAN: unknown */
+    double tolerance;
+    enum arris_judgement verdict; /* ISO 14253-1 */
+    const char *reason;           /* why it is indeterminate; NULL. Lives as long as its stage */
+    int32_t line;                 /* id of the line that measured it; -1: none, or several */
+    double p[3], q[3];            /* its nominal ends as aligned, mm */
+    double at[2][3];              /* what was measured at these; NAN */
+} arris_feature;
+
+typedef struct arris_verdict {
+    uint32_t n, max, lost;                   /* features that are judged */
+    uint32_t n_extra, max_extra, lost_extra; /* measured lines that no nominal edge explains */
+    enum arris_judgement verdict;            /* of all: the worst */
+    double tolerance, coverage_factor;       /* mm; k */
+    char model[65], calibration[65]; /* SHA-256 of the model's file and of the camera model, hex */
+    arris_feature *item;
+    int32_t *extra; /* ids of lines */
+} arris_verdict;
 
 #ifdef __cplusplus
 }

@@ -57,9 +57,10 @@ static void items(enum arris_layer layer, size_t *a, size_t *b) {
          : layer == ARRIS_TRACKS   ? sizeof(arris_track)
          : layer == ARRIS_LINES    ? sizeof(arris_line)
          : layer == ARRIS_CORNERS  ? sizeof(arris_corner)
+         : layer == ARRIS_VERDICT  ? sizeof(arris_feature)
          : layer >= ARRIS_USER0    ? 1
                                    : 0;
-    *b = layer == ARRIS_EDGES ? sizeof(arris_chain) : 0;
+    *b = layer == ARRIS_EDGES ? sizeof(arris_chain) : layer == ARRIS_VERDICT ? sizeof(int32_t) : 0;
 }
 
 static size_t head_size(enum arris_layer layer) {
@@ -118,6 +119,12 @@ void layer_init(enum arris_layer layer, void *data, const arris_caps *caps, size
     case ARRIS_FLOW:
         init_flow(data, array, caps);
         break;
+    case ARRIS_VERDICT:
+        *(arris_verdict *)data = (arris_verdict){.max = (uint32_t)n,
+                                                 .max_extra = (uint32_t)m,
+                                                 .item = (void *)array,
+                                                 .extra = (void *)(array + up64(a * n))};
+        break;
     default:
         break;
     }
@@ -158,6 +165,12 @@ void layer_reset(enum arris_layer layer, void *data) {
     case ARRIS_FLOW:
         ((arris_flow *)data)->valid = false;
         break;
+    case ARRIS_VERDICT: {
+        arris_verdict *v = data;
+        *v = (arris_verdict){
+            .max = v->max, .max_extra = v->max_extra, .item = v->item, .extra = v->extra};
+        break;
+    }
     default:
         break;
     }

@@ -197,7 +197,8 @@ _Static_assert(sizeof(enum arris_format) == 4 && sizeof(enum arris_type) == 4, "
 #endif
 
 _Static_assert(ARRIS_IMAGE == 0 && ARRIS_POSE == 1 && ARRIS_EDGES == 2 && ARRIS_SEGMENTS == 3 &&
-                   ARRIS_TRACKS == 4 && ARRIS_LINES == 5 && ARRIS_USER0 == 24,
+                   ARRIS_TRACKS == 4 && ARRIS_LINES == 5 && ARRIS_CORNERS == 6 && ARRIS_FLOW == 7 &&
+                   ARRIS_VERDICT == 8 && ARRIS_USER0 == 24,
                "layers are only appended");
 _Static_assert(ARRIS_GREY8 == 1 && ARRIS_GREY16 == 2, "formats");
 _Static_assert(ARRIS_MEASURED == 0 && ARRIS_WEAK == 1 && ARRIS_UNOBSERVABLE == 2, "states");
@@ -293,6 +294,22 @@ static void tables(void **state) {
     TABLE_OF(SEGMENTS, arris_segments, camera);
     TABLE_OF(TRACKS, arris_tracks, total);
     TABLE_OF(LINES, arris_lines, scale_sigma);
+    TABLE_OF(VERDICT, arris_verdict, tolerance);
+}
+
+static void verdicts(void **state) {
+    (void)state;
+    arris_verdict *v = buffer(ARRIS_VERDICT, &(arris_caps){0}, 21, 500);
+    assert_true(v->max == 21 && v->max_extra == 500 && !v->n_extra && !v->lost_extra);
+    ALIGNED(v->extra);
+    memset(v->item, 1, 21 * sizeof *v->item);
+    memset(v->extra, 2, 500 * sizeof *v->extra);
+    assert_int_equal(v->item[20].line, 0x01010101);
+    assert_int_equal(v->extra[0], 0x02020202);
+    v->n_extra = v->lost_extra = 7;
+    layer_reset(ARRIS_VERDICT, v);
+    assert_true(v->max_extra == 500 && v->extra && !v->n_extra && !v->lost_extra);
+    free(v);
 }
 
 static void poses_and_bytes(void **state) {
@@ -336,6 +353,7 @@ int main(void) {
         cmocka_unit_test(images),
         cmocka_unit_test(edges),
         cmocka_unit_test(tables),
+        cmocka_unit_test(verdicts),
         cmocka_unit_test(poses_and_bytes),
         cmocka_unit_test(sizes_are_checked),
         cmocka_unit_test(names),
