@@ -162,12 +162,19 @@ AT(arris_stage_desc, process, 96);
 AT(arris_stage_desc, finish, 104);
 AT(arris_stage_desc, close, 112);
 
-SIZE(arris_plugin_desc, 40, 8);
+SIZE(arris_plugin_desc, 48, 8);
 AT(arris_plugin_desc, size, 0);
 AT(arris_plugin_desc, abi, 8);
 AT(arris_plugin_desc, name, 16);
 AT(arris_plugin_desc, licence, 24);
 AT(arris_plugin_desc, stages, 32);
+AT(arris_plugin_desc, commands, 40);
+
+SIZE(arris_command_desc, 32, 8);
+AT(arris_command_desc, size, 0);
+AT(arris_command_desc, name, 8);
+AT(arris_command_desc, summary, 16);
+AT(arris_command_desc, run, 24);
 
 SIZE(arris_error, 2572, 4);
 AT(arris_error, code, 0);
