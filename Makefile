@@ -104,7 +104,7 @@ $(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
 
 # ---- set-up: installs the Debian packages that are missing, and says which --------------------
 
-packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev \
+packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev libmd-dev libassimp-dev \
                   libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
 packages_test  := $(packages_build) libcmocka-dev
 packages_check := $(packages_test) clang libclang-rt-14-dev valgrind

@@ -7,9 +7,11 @@
 
 #include <errno.h>
 #include <locale.h>
+#include <sha256.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "html.h"
 #include "output.h"
 #include "writers.h"
 
@@ -26,7 +28,7 @@ typedef struct writer {
 } writer;
 
 struct filesink {
-    const char *location;
+    const char *location, *recipe;
     int32_t view;
     const writer *writer;
     output out;
@@ -36,11 +38,15 @@ struct filesink {
     FILE *spool;       /* of tracks.csv */
     uint32_t total;    /* tracks ever started */
     int32_t *track_of; /* of segments.csv: by segment */
+    char recipe_hash[65];
+    report report;
 };
 
 static const arris_prop props[] = {
     ARRIS_P_STRING(struct filesink, location, "location", NULL,
                    "the file to write; its ending says what is written"),
+    ARRIS_P_INFILE(struct filesink, recipe, "recipe", NULL,
+                   "of verdict.json and .html: the recipe whose SHA-256 they state"),
     ARRIS_P_ENUM(struct filesink, view, "view", "all", "all|xy|yz|zx", "of an .svg"),
 };
 
@@ -60,7 +66,7 @@ static int end_lines(arris_stage *s, struct filesink *k, const arris_frame *f) {
     if (k->writer->lines)
         k->writer->lines(k->out.file, lines);
     else
-        svg_write(k->out.file, lines, &k->cameras, (enum svg_views)k->view);
+        svg_write(k->out.file, lines, &k->cameras, NULL, (enum svg_views)k->view);
     return 0;
 }
 
@@ -69,6 +75,45 @@ static int frame_svg(arris_stage *s, struct filesink *k, const arris_frame *f) {
     const arris_pose *pose = arris_layer_get(f, ARRIS_POSE);
     if (pose)
         svg_add_camera(&k->cameras, pose);
+    return 0;
+}
+
+/* ---- verdict.json, .html --------------------------------------------------------------------- */
+
+static int begin_verdict(arris_stage *s, struct filesink *k, const arris_frame *f) {
+    (void)f;
+    if (k->recipe && !SHA256File(k->recipe, k->recipe_hash))
+        return arris_fail(s, ARRIS_E_INPUT, NULL, "cannot read the recipe %s: %s", k->recipe,
+                          strerror(errno));
+    return 0;
+}
+
+static int end_verdict(arris_stage *s, struct filesink *k, const arris_frame *f) {
+    const arris_verdict *v = arris_layer_get(f, ARRIS_VERDICT);
+    if (!v)
+        return arris_fail(s, ARRIS_E_INTERNAL, NULL, "no verdict came with the end of the stream");
+    verdict_write(k->out.file, v, k->recipe_hash);
+    return 0;
+}
+
+static int frame_html(arris_stage *s, struct filesink *k, const arris_frame *f) {
+    const arris_verdict *v = arris_layer_get(f, ARRIS_VERDICT);
+    const arris_image *image = arris_layer_get(f, ARRIS_IMAGE);
+    const arris_pose *pose = arris_layer_get(f, ARRIS_POSE);
+    frame_svg(s, k, f);
+    if (v && image && !k->report.grey && !report_begin(&k->report, image->width, image->height))
+        return arris_fail(s, ARRIS_E_MEMORY, NULL, "no memory for a frame");
+    if (v && image && pose)
+        report_frame(&k->report, v, image, pose);
+    return 0;
+}
+
+static int end_html(arris_stage *s, struct filesink *k, const arris_frame *f) {
+    const arris_verdict *v = arris_layer_get(f, ARRIS_VERDICT);
+    const arris_lines *lines = arris_layer_get(f, ARRIS_LINES);
+    if (!v || !lines)
+        return arris_fail(s, ARRIS_E_INTERNAL, NULL, "no verdict came with the end of the stream");
+    report_write(k->out.file, &k->report, v, lines, &k->cameras, k->recipe_hash);
     return 0;
 }
 
@@ -121,10 +166,14 @@ enum {
     LINES = ARRIS_BIT(ARRIS_LINES),
     POSE = ARRIS_BIT(ARRIS_POSE),
     SEGMENTS = ARRIS_BIT(ARRIS_SEGMENTS),
-    TRACKS = ARRIS_BIT(ARRIS_TRACKS)
+    TRACKS = ARRIS_BIT(ARRIS_TRACKS),
+    VERDICT = ARRIS_BIT(ARRIS_VERDICT),
+    IMAGE = ARRIS_BIT(ARRIS_IMAGE)
 };
 
 static const writer writers[] = {
+    {"verdict.json", VERDICT, 0, begin_verdict, NULL, end_verdict, NULL},
+    {".html", VERDICT | LINES, POSE | IMAGE, begin_verdict, frame_html, end_html, NULL},
     {".json", LINES, 0, NULL, NULL, end_lines, json_write},
     {".ply", LINES, 0, NULL, NULL, end_lines, ply_write},
     {".obj", LINES, 0, NULL, NULL, end_lines, obj_write},
@@ -213,6 +262,7 @@ static void close_filesink(arris_stage *s, void *self) {
     if (k->spool)
         fclose(k->spool);
     free(k->track_of);
+    report_end(&k->report);
     if (k->c)
         freelocale(k->c);
 }
@@ -220,11 +270,12 @@ static void close_filesink(arris_stage *s, void *self) {
 const arris_stage_desc stage_filesink = {
     .size = sizeof(arris_stage_desc),
     .name = "filesink",
-    .summary = "writes lines (.json .ply .obj .dxf .svg), segments.csv or tracks.csv",
+    .summary = "writes lines (.json .ply .obj .dxf .svg), verdict.json, a report (.html), "
+               "segments.csv or tracks.csv",
     .example = "imagesrc location=frames.csv ! edges ! undistort ! segments "
                "! filesink location=segments.csv",
     .flags = ARRIS_SINK,
-    .layers = {.wants = LINES | POSE | SEGMENTS | TRACKS},
+    .layers = {.wants = LINES | POSE | SEGMENTS | TRACKS | VERDICT | IMAGE},
     .self_size = sizeof(struct filesink),
     .props = props,
     .n_props = sizeof props / sizeof *props,

@@ -168,9 +168,50 @@ static void draw_lines(FILE *out, const view *v, const arris_lines *lines,
     }
 }
 
+/* 1, 2 or 5 times a power of ten: makes the greatest deviation some 30 px long, or less. */
+static double magnification(const arris_verdict *verdict, double scale) {
+    double most = 1e-9;
+    for (uint32_t i = 0; i < verdict->n; i++)
+        if (isfinite(verdict->item[i].at[0][0]) && !verdict->item[i].is_angle)
+            most = fmax(most, fabs(verdict->item[i].worst));
+    double m = 30 / (scale * most), power = pow(10, floor(log10(m)));
+    return fmax(1, power * (m < 2 * power ? 1 : m < 5 * power ? 2 : 5));
+}
+
+static void draw_features(FILE *out, const view *v, const arris_verdict *verdict) {
+    double m = magnification(verdict, v->scale);
+    for (uint32_t i = 0; i < verdict->n; i++) {
+        const arris_feature *f = &verdict->item[i];
+        if (!near(f->p) || !near(f->q))
+            continue;
+        fprintf(out, "<path class=\"edge %s\" d=\"M%.2f %.2fL%.2f %.2f\"/>\n",
+                judgement_name(f->verdict), right_of(v, f->p), below(v, f->p), right_of(v, f->q),
+                below(v, f->q));
+        for (int k = 0; k < 2; k++) {
+            double d[3], to[3], on[3], s = 0, length = 0;
+            for (int n = 0; n < 3; n++)
+                d[n] = f->q[n] - f->p[n];
+            for (int n = 0; n < 3; n++) {
+                s += (f->at[k][n] - f->p[n]) * d[n];
+                length += d[n] * d[n];
+            }
+            for (int n = 0; n < 3; n++) {
+                on[n] = f->p[n] + s / length * d[n];
+                to[n] = on[n] + m * (f->at[k][n] - on[n]);
+            }
+            if (near(to))
+                fprintf(out, "<path class=\"edge %s\" d=\"M%.2f %.2fL%.2f %.2f\"/>\n",
+                        judgement_name(f->verdict), right_of(v, on), below(v, on), right_of(v, to),
+                        below(v, to));
+        }
+    }
+    fprintf(out, "<text class=\"key\" x=\"%.2f\" y=\"%.2f\">deviations &#215;%g</text>\n",
+            v->x - SIDE / 2. + 6, v->y + SIDE / 2. - 8, m);
+}
+
 /* Everything is cut off at the frame of the view. */
 static void draw_view(FILE *out, const view *v, const arris_lines *lines,
-                      const svg_cameras *cameras) {
+                      const svg_cameras *cameras, const arris_verdict *verdict) {
     double left = v->x - SIDE / 2., top = v->y - SIDE / 2.;
     axes(out, v);
     fprintf(out,
@@ -179,6 +220,8 @@ static void draw_view(FILE *out, const view *v, const arris_lines *lines,
     draw_cameras(out, v, cameras);
     draw_lines(out, v, lines, ARRIS_WEAK);
     draw_lines(out, v, lines, ARRIS_MEASURED);
+    if (verdict)
+        draw_features(out, v, verdict);
     fprintf(out, "</svg>\n<rect x=\"%.2f\" y=\"%.2f\" width=\"%d\" height=\"%d\"/>\n", left, top,
             SIDE, SIDE);
 }
@@ -207,11 +250,13 @@ static const char style[] =
     ".key{text-anchor:start}.title{font-size:13px;font-weight:bold}"
     "path,rect{fill:none}rect{stroke:#888}.grid{stroke:#e4e4e4}.paper{fill:#fff;stroke:none}"
     ".measured{stroke:#111;stroke-width:2;stroke-linecap:round}"
+    ".edge{stroke-width:1.5}.edge.PASS{stroke:#2b7a3d}.edge.FAIL{stroke:#e0342b}"
+    ".edge.INDETERMINATE{stroke:#d79a1e}"
     ".weak{stroke:#b0562c;stroke-width:.8;stroke-dasharray:4 3}"
     ".camera{stroke:#2b6cb0;stroke-width:.6}circle{fill:#2b6cb0}</style>\n";
 
 void svg_write(FILE *out, const arris_lines *lines, const svg_cameras *cameras,
-               enum svg_views which) {
+               const arris_verdict *verdict, enum svg_views which) {
     const int n = which == SVG_ALL ? 3 : 1, pitch = LEFT + SIDE + RIGHT;
     const int height = TOP + SIDE + BOTTOM + LEGEND;
     const box b = range(lines, cameras);
@@ -224,7 +269,7 @@ void svg_write(FILE *out, const arris_lines *lines, const svg_cameras *cameras,
         v.x = i * pitch + LEFT + SIDE / 2.;
         v.y = TOP + SIDE / 2.;
         fit(&v, &b);
-        draw_view(out, &v, lines, cameras);
+        draw_view(out, &v, lines, cameras, verdict);
     }
     legend(out, lines, cameras, height - 16);
     fprintf(out, "</svg>\n");

@@ -44,9 +44,18 @@ typedef struct svg_cameras {
 void svg_add_camera(svg_cameras *c, const arris_pose *pose);
 
 /* The views along the axes side by side (or one of them), with the cameras, as the thesis's figures
- * show them. The axes are in mm, equal in both directions. */
+ * show them. The axes are in mm, equal in both directions. With a verdict (else NULL) the nominal
+ * edges in its colours, and at their ends the deviations, magnified. */
 void svg_write(FILE *out, const arris_lines *lines, const svg_cameras *cameras,
-               enum svg_views views);
+               const arris_verdict *verdict, enum svg_views views);
+
+/* ---- the verdict ---------------------------------------------------------------------------- */
+
+/* "PASS", "FAIL" or "INDETERMINATE". */
+const char *judgement_name(enum arris_judgement j);
+
+/* arris-verdict/1 (FORMATS.md). `recipe` is the SHA-256 of the recipe's file, or empty. */
+void verdict_write(FILE *out, const arris_verdict *v, const char *recipe);
 
 /* ---- tables --------------------------------------------------------------------------------- */
 

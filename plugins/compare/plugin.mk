@@ -1,0 +1,1 @@
+compare_PKGS := assimp libmd jansson
