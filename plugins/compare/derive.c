@@ -26,12 +26,13 @@ static void direction(const double *pq, double u[3]) {
     arris_unit(u);
 }
 
+/* From 0 to 180°. */
 static double angle(const pair *l) {
     double u[3], v[3], w[3];
     direction(l->x, u);
     direction(l->x + 6, v);
     arris_cross(u, v, w);
-    return atan2(sqrt(arris_dot(w, w)), fabs(arris_dot(u, v)));
+    return atan2(sqrt(arris_dot(w, w)), arris_dot(u, v));
 }
 
 /* From the point of b that is nearest to `middle`, square to a; d is from a to there. */
@@ -124,18 +125,20 @@ static int parse_one(const char *text, size_t n, const nominal *m, derived *d, f
     d->nominal *= unit;
     d->tolerance *= unit;
     pair l = nominal_pair(m, NULL, d->a, d->b);
+    d->obtuse = angle(&l) > PI / 2;
+    double acute = d->obtuse ? PI - angle(&l) : angle(&l);
     middle_of_b(&l, middle);
-    if (kind == DERIVED_DISTANCE && angle(&l) > PARALLEL)
+    if (kind == DERIVED_DISTANCE && acute > PARALLEL)
         return fault_set(f, ARRIS_E_USAGE, "a distance is that of parallel edges",
                          "the edges of '%.*s' are turned by %.0f degrees", (int)n, text,
-                         angle(&l) * 180 / PI);
+                         acute * 180 / PI);
     if (kind == DERIVED_ANGLE && d->tolerance <= 0)
         return fault_set(f, ARRIS_E_USAGE, "for example angle(a,b):0.2, in degrees",
                          "'%.*s' has no tolerance of its own", (int)n, text);
-    if (kind == DERIVED_CORNER && sin(angle(&l)) < MEET)
+    if (kind == DERIVED_CORNER && sin(acute) < MEET)
         return fault_set(f, ARRIS_E_USAGE, NULL, "the edges of '%.*s' are parallel", (int)n, text);
     if (d->nominal <= 0)
-        d->nominal = kind == DERIVED_DISTANCE ? distance(&l, middle, unused) : angle(&l);
+        d->nominal = kind == DERIVED_DISTANCE ? distance(&l, middle, unused) : acute;
     return 0;
 }
 
@@ -162,13 +165,13 @@ static double value(const derived *d, const pair *l, const double middle[3], con
     if (d->kind == DERIVED_DISTANCE)
         return distance(l, middle, v);
     if (d->kind == DERIVED_ANGLE)
-        return angle(l);
+        return d->obtuse ? PI - angle(l) : angle(l);
     corner(l, v);
     return arris_dot(v, e);
 }
 
 static double variance(const derived *d, const pair *l, const double middle[3], const double e[3],
-                       const arris_line *const line[2]) {
+                       const arris_line *const line[2], const bool turned[2]) {
     static const double H = 1e-3; /* mm */
     double slope[12], sum = 0;
     for (int i = 0; i < 12; i++) {
@@ -180,7 +183,8 @@ static double variance(const derived *d, const pair *l, const double middle[3], 
     for (int k = 0; k < 2; k++)
         for (int i = 0, n = 0; i < 6; i++)
             for (int j = i; j < 6; j++, n++)
-                sum += (i == j ? 1 : 2) * slope[6 * k + i] * slope[6 * k + j] * line[k]->cov[n];
+                sum += (i == j ? 1 : 2) * slope[6 * k + (turned[k] ? (i + 3) % 6 : i)] *
+                       slope[6 * k + (turned[k] ? (j + 3) % 6 : j)] * line[k]->cov[n];
     return sum;
 }
 
@@ -200,15 +204,30 @@ static double variance_of_place(const place *w, const double X[3], const double 
     return sum;
 }
 
+/* Exchanges the ends of a line that runs against the nominal edge. True when it did. */
+static bool turn_along(double *pq, const double *like) {
+    double u[3], v[3];
+    direction(pq, u);
+    direction(like, v);
+    for (int i = 0; i < 3 && arris_dot(u, v) < 0; i++) {
+        double p = pq[i];
+        pq[i] = pq[3 + i];
+        pq[3 + i] = p;
+    }
+    return arris_dot(u, v) < 0;
+}
+
 void derived_judge(const derived *d, const nominal *m, const place *where, const calibration *cal,
                    const piece *e, const arris_lines *lines, double k, double tolerance,
                    arris_feature *f) {
     const arris_line *line[2] = {&lines->item[e[d->a].line], &lines->item[e[d->b].line]};
     pair l, ideal = nominal_pair(m, where, d->a, d->b);
     double middle[3], along[3] = {0}, X[3], N[3], more = 0;
+    bool turned[2];
     for (int i = 0; i < 2; i++) {
         memcpy(l.x + 6 * i, line[i]->p, 3 * sizeof(double));
         memcpy(l.x + 6 * i + 3, line[i]->q, 3 * sizeof(double));
+        turned[i] = turn_along(l.x + 6 * i, ideal.x + 6 * i);
     }
     middle_of_b(&ideal, middle);
     if (d->kind == DERIVED_CORNER) {
@@ -228,7 +247,7 @@ void derived_judge(const derived *d, const nominal *m, const place *where, const
             more = pow(cal->focal * arris_dot(cal->R + 6, X), 2);
         }
     }
-    f->U = k * sqrt(variance(d, &l, middle, along, line) + more);
+    f->U = k * sqrt(variance(d, &l, middle, along, line, turned) + more);
     f->worst = f->deviation;
     f->worst_U = f->U;
     f->is_angle = d->kind == DERIVED_ANGLE;

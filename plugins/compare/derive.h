@@ -11,12 +11,13 @@
 
 enum derived_kind { DERIVED_DISTANCE, DERIVED_ANGLE, DERIVED_CORNER };
 
-/* distance: from the middle of b, square to a, mm; of parallel edges. angle: between the two lines,
- * 0 to 90°, rad. corner: the middle of where they are nearest to each other; its deviation is its
- * distance from the nominal's, mm. */
+/* distance: from the middle of b, square to a, mm; of parallel edges. angle: the one between the
+ * nominal edges that is at most 90°, rad. corner: the middle of where they are nearest to each
+ * other; its deviation is its distance from the nominal's, mm. */
 typedef struct derived {
     enum derived_kind kind;
     uint32_t a, b;    /* edges of the nominal */
+    bool obtuse;      /* from p to q the edges enclose more than 90° */
     double nominal;   /* mm or rad; nothing for a corner */
     double tolerance; /* mm or rad; 0: that of the inspection, which an angle hasn't */
     char id[64];

@@ -18,8 +18,8 @@ enum arris_judgement judge_both(enum arris_judgement a, enum arris_judgement b);
  * coverage factor. The mean and the worst point must both hold. */
 void judge_piece(const piece *e, double k, double tolerance, arris_feature *f);
 
-/* The length of a vector (x, y) across an edge, and the standard uncertainty of that by the
- * covariance c00, c01, c11; of a vector of length 0 that of the most uncertain direction. */
-double length_across(double x, double y, double c00, double c01, double c11, double *u);
+/* The length of a vector (x, y) across an edge of the covariance c00, c01, c11. Its expanded
+ * uncertainty U is k u along the vector, and what k u square to it would add to the length. */
+double length_across(double x, double y, double c00, double c01, double c11, double k, double *U);
 
 #endif

@@ -170,8 +170,9 @@ void match(piece *e, uint32_t n, const arris_lines *lines, double search, candid
             bool stands = l->state == ARRIS_MEASURED && l->change != ARRIS_MERGED &&
                           l->change != ARRIS_RETIRED;
             double cost = stands ? piece_compare(&e[i], l, reach) : (double)INFINITY;
-            if (cost < FAR)
-                offer(&c[i], (int32_t)k, cost);
+            double missing = 1 - (e[i].to - e[i].from) / e[i].length;
+            if (cost < FAR) /* a fragment must be nearer than a whole line */
+                offer(&c[i], (int32_t)k, cost + missing * missing);
         }
     }
     memset(owner, 0xff, lines->n * sizeof *owner);

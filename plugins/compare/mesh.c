@@ -42,21 +42,35 @@ static double extent(const nominal *m) {
     return isfinite(most) ? most : 1;
 }
 
+/* In a chain of vertices one near p, or UINT32_MAX. */
+static uint32_t find_near(const nominal *m, const grid *g, uint32_t w, const double p[3],
+                          double near) {
+    for (; w != UINT32_MAX; w = g->next[w]) {
+        const double *q = m->vertex[w];
+        if (fabs(p[0] - q[0]) < near && fabs(p[1] - q[1]) < near && fabs(p[2] - q[2]) < near)
+            break;
+    }
+    return w;
+}
+
 /* The vertex that stands for v: an earlier one nearer than `near`, or itself. */
 static uint32_t stand_for(const nominal *m, grid *g, uint32_t v, double near) {
     const double *p = m->vertex[v];
-    int64_t c[3];
-    for (int k = 0; k < 3; k++)
-        c[k] = (int64_t)floor(p[k] / g->cell);
-    for (int i = 0; i < 27; i++) {
-        uint32_t h = hash(c[0] + i % 3 - 1, c[1] + i / 3 % 3 - 1, c[2] + i / 9 - 1) & g->mask;
-        for (uint32_t w = g->head[h]; w != UINT32_MAX; w = g->next[w]) {
-            const double *q = m->vertex[w];
-            if (fabs(p[0] - q[0]) < near && fabs(p[1] - q[1]) < near && fabs(p[2] - q[2]) < near)
-                return w;
-        }
+    int64_t low[3], high[3]; /* cells: rarely more than one */
+    for (int k = 0; k < 3; k++) {
+        low[k] = (int64_t)floor((p[k] - near) / g->cell);
+        high[k] = (int64_t)floor((p[k] + near) / g->cell);
     }
-    uint32_t h = hash(c[0], c[1], c[2]) & g->mask;
+    for (int64_t x = low[0]; x <= high[0]; x++)
+        for (int64_t y = low[1]; y <= high[1]; y++)
+            for (int64_t z = low[2]; z <= high[2]; z++) {
+                uint32_t w = find_near(m, g, g->head[hash(x, y, z) & g->mask], p, near);
+                if (w != UINT32_MAX)
+                    return w;
+            }
+    uint32_t h = hash((int64_t)floor(p[0] / g->cell), (int64_t)floor(p[1] / g->cell),
+                      (int64_t)floor(p[2] / g->cell)) &
+                 g->mask;
     g->next[v] = g->head[h];
     g->head[h] = v;
     return v;
@@ -65,7 +79,7 @@ static uint32_t stand_for(const nominal *m, grid *g, uint32_t v, double near) {
 /* one[v] becomes the vertex that stands for v. */
 static bool weld(const nominal *m, uint32_t *one) {
     double near = 1e-6 * extent(m) + 1e-9;
-    grid g = {.mask = 1, .cell = 4 * near};
+    grid g = {.mask = 1, .cell = 64 * near};
     while (g.mask < m->n_vertices && g.mask < 1u << 30)
         g.mask <<= 1;
     g.mask--;

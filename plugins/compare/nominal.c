@@ -174,12 +174,33 @@ static int take_scene(nominal *m, const struct aiScene *scene, bool dxf, double 
     return r;
 }
 
+/* Whether a PLY's header promises no more than its bytes can hold: assimp would make room first. */
+static bool ply_holds(const bytes *b) {
+    const char *text = (const char *)b->data, *end = strstr(text, "end_header");
+    for (const char *l = strstr(text, "\nelement "); end && l && l < end;
+         l = strstr(l + 1, "\nelement ")) {
+        const char *name = l + strlen("\nelement ");
+        unsigned long long n = strtoull(name + strcspn(name, " \n"), NULL, 10);
+        if (n > b->n)
+            return false;
+    }
+    return end != NULL;
+}
+
+static bool ends_in(const char *path, const char *ending) {
+    const char *dot = strrchr(path, '.');
+    return dot && strcasecmp(dot, ending) == 0;
+}
+
 static int read_mesh(nominal *m, const char *path, double crease, double min_length, fault *f) {
     bytes b = {0};
     int r = bytes_read(&b, path, NOMINAL_MAX_FILE, f);
+    bool holds = r || !ends_in(path, ".ply") || ply_holds(&b);
     free(b.data);
     if (r)
         return r;
+    if (!holds)
+        return fault_set(f, ARRIS_E_INPUT, NULL, "%s: its header is not that of its data", path);
     const struct aiScene *scene =
         aiImportFile(path, aiProcess_Triangulate | aiProcess_PreTransformVertices);
     if (!scene)
@@ -187,17 +208,15 @@ static int read_mesh(nominal *m, const char *path, double crease, double min_len
                          "a model is .json (a list of edges), .obj, .stl, .ply, .dxf or another "
                          "mesh, in millimetres",
                          "cannot read %s: %s", path, aiGetErrorString());
-    const char *dot = strrchr(path, '.');
-    r = take_scene(m, scene, dot && strcasecmp(dot, ".dxf") == 0, crease, min_length, f);
+    r = take_scene(m, scene, ends_in(path, ".dxf"), crease, min_length, f);
     aiReleaseImport(scene);
     return r;
 }
 
 int nominal_read(nominal *m, const char *path, double crease, double min_length, fault *f) {
-    const char *dot = strrchr(path, '.');
     *m = (nominal){0};
-    int r = dot && strcasecmp(dot, ".json") == 0 ? read_json(m, path, min_length, f)
-                                                 : read_mesh(m, path, crease, min_length, f);
+    int r = ends_in(path, ".json") ? read_json(m, path, min_length, f)
+                                   : read_mesh(m, path, crease, min_length, f);
     if (r == 0 && m->n_edges == 0)
         r = fault_set(f, ARRIS_E_INPUT, "crease-angle and min-length decide what is an edge",
                       "%s: there is no edge in it", path);
