@@ -223,7 +223,7 @@ typedef struct arris_feature {
     enum arris_judgement verdict; /* ISO 14253-1 */
     const char *reason;           /* why it is indeterminate; NULL. Lives as long as its stage */
     int32_t line;                 /* id of the line that measured it; -1: none, or several */
-    double p[3], q[3];            /* its nominal ends as aligned, mm */
+    double p[3], q[3];            /* an edge's nominal ends as aligned, mm; else NAN */
     double at[2][3];              /* what was measured at these; NAN */
 } arris_feature;
 

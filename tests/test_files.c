@@ -18,6 +18,7 @@
 #include <jansson.h>
 
 #include "arris_geometry.h"
+#include "files/html.h"
 #include "files/output.h"
 #include "files/writers.h"
 #include "process.h"
@@ -218,16 +219,112 @@ static void dxf_holds_the_measured(void **state) {
     free(text);
 }
 
+/* ---- a verdict --------------------------------------------------------------------------------
+ */
+
+static arris_feature features[] = {
+    {.id = "top \"left\" <&>",
+     .deviation = 0.12,
+     .U = 0.08,
+     .worst = -0.15,
+     .worst_U = 0.09,
+     .straightness = 0.01,
+     .tolerance = 1,
+     .verdict = ARRIS_PASS,
+     .line = 3,
+     .p = {0, 0, 0},
+     .q = {100, 0, 0},
+     .at = {{10, 0.1, 0}, {90, 0.15, 0}}},
+    {.id = "b",
+     .deviation = NAN,
+     .U = NAN,
+     .worst = NAN,
+     .worst_U = NAN,
+     .straightness = NAN,
+     .tolerance = 1,
+     .verdict = ARRIS_INDETERMINATE,
+     .reason = "nothing was measured near it",
+     .line = -1,
+     .p = {NAN, NAN, NAN},
+     .q = {NAN, NAN, NAN},
+     .at = {{NAN, NAN, NAN}}},
+};
+static int32_t extra[] = {8, 9};
+static const arris_verdict verdict = {.n = 2,
+                                      .n_extra = 2,
+                                      .verdict = ARRIS_INDETERMINATE,
+                                      .tolerance = 1,
+                                      .coverage_factor = 2,
+                                      .model = "ab",
+                                      .calibration = "cd",
+                                      .item = features,
+                                      .extra = extra};
+
+static void write_verdict(FILE *out, const arris_lines *l) {
+    (void)l;
+    verdict_write(out, &verdict, "ef");
+}
+
+static void verdict_holds_the_numbers(void **state) {
+    (void)state;
+    char *text = text_of(write_verdict, &lines);
+    json_t *root = json_loads(text, JSON_REJECT_DUPLICATES, NULL);
+    json_t *list = json_object_get(root, "features"), *a = json_array_get(list, 0);
+    json_t *b = json_array_get(list, 1), *hashes = json_object_get(root, "sha256");
+    assert_string_equal(json_string_value(json_object_get(root, "format")), "arris-verdict/1");
+    assert_string_equal(json_string_value(json_object_get(root, "verdict")), "INDETERMINATE");
+    assert_true(number_of(root, "tolerance") == 1 && number_of(root, "coverage_factor") == 2);
+    assert_string_equal(json_string_value(json_object_get(hashes, "recipe")), "ef");
+    assert_int_equal(json_array_size(list), 2);
+    assert_string_equal(json_string_value(json_object_get(a, "id")), features[0].id);
+    assert_string_equal(json_string_value(json_object_get(a, "verdict")), "PASS");
+    assert_true(number_of(a, "deviation") == 0.12 && number_of(a, "U") == 0.08);
+    assert_true(number_of(a, "worst") == -0.15 && number_of(a, "line") == 3);
+    assert_true(json_is_null(json_object_get(b, "deviation")) && !json_object_get(b, "line"));
+    assert_string_equal(json_string_value(json_object_get(b, "reason")), features[1].reason);
+    assert_int_equal(json_array_size(json_object_get(root, "extra_lines")), 2);
+    json_decref(root);
+    free(text);
+}
+
+static void svg_of_verdict(FILE *out, const arris_lines *l) {
+    static const svg_cameras none;
+    svg_write(out, l, &none, &verdict, SVG_ALL);
+}
+
+static void write_report(FILE *out, const arris_lines *l) {
+    static const svg_cameras none;
+    static uint8_t grey[6] = {0, 50, 100, 150, 200, 250};
+    report r = {.width = 3,
+                .height = 2,
+                .grey = grey,
+                .off = 1,
+                .camera = {.width = 3, .height = 2, .fx = 1, .fy = 1},
+                .pose = {.C = {0, 0, -100}, .R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}};
+    report_write(out, &r, &verdict, l, &none, "ef");
+}
+
+static void report_is_a_page_of_its_own(void **state) {
+    (void)state;
+    char *text = text_of(write_report, &lines);
+    assert_non_null(strstr(text, "top &#34;left&#34; &#60;&#38;&#62;</td>"));
+    assert_non_null(strstr(text, "<td>+0.120</td><td>0.080</td>"));
+    assert_non_null(strstr(text, "nothing was measured near it"));
+    assert_non_null(strstr(text, "data:image/png;base64,iVBORw0KGgo"));
+    assert_null(strstr(text, "src=\"http"));
+    free(text);
+}
+
 /* ---- the figure: read by its own axes ---------------------------------------------------------
  */
 
 static svg_cameras cameras;
 
 static void svg_all(FILE *out, const arris_lines *l) {
-    svg_write(out, l, &cameras, SVG_ALL);
+    svg_write(out, l, &cameras, NULL, SVG_ALL);
 }
 static void svg_zx(FILE *out, const arris_lines *l) {
-    svg_write(out, l, &cameras, SVG_ZX);
+    svg_write(out, l, &cameras, NULL, SVG_ZX);
 }
 
 static int occurrences(const char *text, const char *what) {
@@ -318,6 +415,17 @@ static void figure_has_three_views(void **state) {
     assert_int_equal(occurrences(text, "class=\"weak\""), 3 * 2 + 1);
     assert_non_null(strstr(text, ">2 measured<"));
     assert_non_null(strstr(text, ">2 weak (1 unobservable hidden)<"));
+    free(text);
+}
+
+/* A judged edge is drawn in each view, and what it is off at its ends. */
+static void figure_has_the_verdict(void **state) {
+    (void)state;
+    char *text = text_of(svg_of_verdict, &lines);
+    assert_well_formed(text);
+    assert_int_equal(occurrences(text, "class=\"edge PASS\""), 3 * 3);
+    assert_int_equal(occurrences(text, "class=\"edge INDETERMINATE\""), 0);
+    assert_int_equal(occurrences(text, ">deviations &#215;"), 3);
     free(text);
 }
 
@@ -604,6 +712,9 @@ int main(void) {
         cmocka_unit_test(dxf_holds_the_measured),
         cmocka_unit_test(figure_is_to_scale),
         cmocka_unit_test(figure_has_three_views),
+        cmocka_unit_test(verdict_holds_the_numbers),
+        cmocka_unit_test(report_is_a_page_of_its_own),
+        cmocka_unit_test(figure_has_the_verdict),
         cmocka_unit_test(figure_of_little),
         cmocka_unit_test(cameras_are_thinned_out),
         cmocka_unit_test(matrix_is_what_was_seen),

@@ -277,8 +277,8 @@ static arris_feature *begin(arris_verdict *v, const char *id, double tolerance) 
                          .line = -1,
                          .verdict = ARRIS_INDETERMINATE};
     snprintf(f->id, sizeof f->id, "%s", id);
-    for (int i = 0; i < 6; i++)
-        f->at[i / 3][i % 3] = NAN;
+    for (int i = 0; i < 3; i++)
+        f->p[i] = f->q[i] = f->at[0][i] = f->at[1][i] = NAN;
     return f;
 }
 
@@ -326,8 +326,6 @@ static void judge_derived(const struct compare *c, arris_verdict *v, const deriv
                           const arris_lines *lines) {
     arris_feature *f = begin(v, d->id, d->tolerance > 0 ? d->tolerance : c->tolerance);
     const piece *a = &c->piece[d->a], *b = &c->piece[d->b];
-    memcpy(f->p, a->p, sizeof f->p);
-    memcpy(f->q, b->p, sizeof f->q);
     f->is_angle = d->kind == DERIVED_ANGLE;
     if (aligned && a->line >= 0 && b->line >= 0)
         derived_judge(d, &c->nominal, &c->where, &c->calibration, c->piece, lines, c->coverage,
@@ -424,7 +422,7 @@ const arris_stage_desc stage_compare = {
     .name = "compare",
     .summary = "judges the measured lines against nominal edges: deviation, uncertainty, verdict",
     .example = "imagesrc location=frames.csv ! edges ! undistort ! segments ! track ! reconstruct "
-               "! compare model=truth.json tolerance=3 ! filesink location=verdict.json",
+               "! compare model=samples/box/box.obj tolerance=3 ! filesink location=verdict.json",
     .layers = {.needs = ARRIS_BIT(ARRIS_LINES) | ARRIS_BIT(ARRIS_POSE),
                .gives = ARRIS_BIT(ARRIS_VERDICT)},
     .self_size = sizeof(struct compare),

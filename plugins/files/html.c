@@ -34,11 +34,16 @@ static void text(FILE *out, const char *s) {
 
 /* How far off the middle of the picture the features lie, px²; INFINITY when they aren't in it. */
 static double off_middle(const arris_verdict *v, const arris_camera *c, const arris_pose *pose) {
-    double X[3] = {0}, x, y;
+    double X[3] = {0}, x, y, n = 0;
     for (uint32_t i = 0; i < v->n; i++)
-        for (int k = 0; k < 3; k++)
-            X[k] += (v->item[i].p[k] + v->item[i].q[k]) / 2 / v->n;
-    if (!v->n || !(arris_project(c, pose, X, &x, &y) > 0))
+        if (isfinite(v->item[i].p[0])) {
+            for (int k = 0; k < 3; k++)
+                X[k] += (v->item[i].p[k] + v->item[i].q[k]) / 2;
+            n++;
+        }
+    for (int k = 0; k < 3; k++)
+        X[k] /= n;
+    if (!(arris_project(c, pose, X, &x, &y) > 0))
         return (double)INFINITY;
     return pow(x - c->width / 2., 2) + pow(y - c->height / 2., 2);
 }
@@ -128,7 +133,8 @@ static void frame(FILE *out, const report *r, const arris_verdict *v) {
             r->width < 960 ? 960 : r->width, r->width, r->height);
     picture(out, r);
     for (uint32_t i = 0; i < v->n; i++)
-        edge(out, r, &v->item[i]);
+        if (isfinite(v->item[i].p[0]))
+            edge(out, r, &v->item[i]);
     fputs("</svg>\n", out);
 }
 
