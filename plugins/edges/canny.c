@@ -51,8 +51,9 @@ canny *canny_new(int width, int height, const canny_params *p) {
     size_t max = 2 * canny_max_points(width, height);
     c->e.max = (uint32_t)max;
     c->e.item = malloc(max * sizeof *c->e.item);
+    c->e.point = malloc(max * sizeof *c->e.point);
     c->e.row = malloc(((size_t)height + 1) * sizeof *c->e.row);
-    if (c->e.item && c->e.row && gradient_init(&c->g, width, p->sigma) == 0 &&
+    if (c->e.item && c->e.point && c->e.row && gradient_init(&c->g, width, p->sigma) == 0 &&
         link_init(&c->l, width, max) == 0)
         return c;
     canny_free(c);
@@ -71,6 +72,7 @@ void canny_free(canny *c) {
     gradient_free(&c->g);
     link_free(&c->l);
     free(c->e.item);
+    free(c->e.point);
     free(c->e.row);
     free(c);
 }
@@ -104,14 +106,14 @@ static void set_thresholds(const canny *c, const arris_image *im, int white, dou
 void canny_run(canny *c, const arris_image *im, arris_edges *out) {
     arris_image part = crop(im, &c->p);
     int shift = gradient_shift(&part), white = (1 << (GRADIENT_BITS - shift)) - 1;
-    double unit = gradient_unit(shift), low, high;
+    double low, high;
     out->n = out->lost = out->n_chains = out->lost_chains = 0;
     out->camera = im->camera;
     out->noise = noise_of_pixels(&part, white);
     set_thresholds(c, &part, white, out->noise, &low, &high);
-    gradient_edgels(&c->g, &part, shift, (float)(low / unit), &c->e, c->path);
+    gradient_edgels(&c->g, &part, shift, (float)(low / gradient_unit(shift)), (float)c->p.x,
+                    (float)c->p.y, &c->e, c->path);
     link_edgels(&c->l, &c->e, part.height);
-    link_chains(&c->l, &c->e, (float)unit, (float)(high / unit), (uint32_t)c->p.min_length,
-                (float)c->p.x, (float)c->p.y, out, c->path);
+    link_chains(&c->l, &c->e, (float)high, (uint32_t)c->p.min_length, out);
     out->lost += c->e.lost;
 }

@@ -96,27 +96,47 @@ INLINE void mark(const int16_t *restrict up, const int16_t *restrict m,
 
 /* ---- edgels --------------------------------------------------------------------------------- */
 
-/* Appends the pixels of row y, the middle of three, whose bits are set, from column x on, but those
+/* Appends the pixels of the middle of three rows whose bits are set, from column x on, but those
  * whose gradient is below `low`. */
-static void append(int16_t *const s[3], int16_t *const m[3], ptrdiff_t x, int y, uint64_t bits,
-                   int32_t low, edgels *e) {
+static void append(int16_t *const s[3], int16_t *const m[3], ptrdiff_t x, uint64_t bits,
+                   int32_t low, edgel_row *e) {
     const int16_t *up = s[0] + x, *mid = s[1] + x, *down = s[2] + x, *here = m[1] + x;
     const int16_t *before[] = {m[0] + x, here - 1}, *after[] = {m[2] + x, here + 1};
-    edgel *p = e->item + e->n;
+    int32_t n = e->n;
     for (; bits; bits &= bits - 1) {
         ptrdiff_t i = __builtin_ctzll(bits);
         int gx = mid[i + 1] - mid[i - 1], gy = down[i] - up[i], across = here[i] & 1;
-        p->x = (int16_t)(x + i);
-        p->y = (int16_t)y;
-        p->gx = (int16_t)gx;
-        p->gy = (int16_t)gy;
-        p->across = (int16_t)across;
-        p->before = before[across][i];
-        p->here = here[i];
-        p->after = after[across][i];
-        p += gx * gx + gy * gy >= low * low;
+        e->x[n] = (int16_t)(x + i);
+        e->gx[n] = (int16_t)gx;
+        e->gy[n] = (int16_t)gy;
+        e->before[n] = before[across][i];
+        e->here[n] = here[i];
+        e->after[n] = after[across][i];
+        n += gx * gx + gy * gy >= low * low;
     }
-    e->n = (uint32_t)(p - e->item);
+    e->n = n;
+}
+
+/* A blurred step is steepest where a Gaussian through the gradients of three pixels along the main
+ * axis has its maximum: at (u - v) / (u + v) / 2, where u and v are the logarithms of the middle
+ * one over either other, ln(h / a) = 3 (h² - a²) / (h² + 4 h a + a²) to within 1 % up to h = 3 a.
+ * Never more than half a pixel off. (x, y) is added to every point. */
+INLINE void points(const edgel_row *e, float unit, float x, float y, edgel *restrict item,
+                   arris_edge_point *restrict point) {
+    for (int32_t i = 0; i < e->n; i++) {
+        float h = e->here[i], a = e->before[i], b = e->after[i];
+        float u = (h * h - a * a) * (h * h + 4 * h * b + b * b);
+        float v = (h * h - b * b) * (h * h + 4 * h * a + a * a);
+        float d = 0.5f * (u - v) / (u + v + 1e-9f), across = (float)(e->here[i] & 1);
+        point[i].x = e->x[i] + x + across * d;
+        point[i].y = y + (1 - across) * d;
+        point[i].gx = e->gx[i] * unit;
+        point[i].gy = e->gy[i] * unit;
+    }
+    for (int32_t i = 0; i < e->n; i++) {
+        item[i].x = (uint16_t)e->x[i];
+        item[i].octant = (uint16_t)((e->here[i] & 1) << 2 | (e->gx[i] < 0) << 1 | (e->gy[i] < 0));
+    }
 }
 
 /* The lowest bits of CHUNK bytes. */
@@ -130,8 +150,10 @@ INLINE uint64_t pack(const uint8_t *mask) {
     return bits;
 }
 
-INLINE void edgels_row(gradient *g, int y, int x0, int x1, int16_t low, edgels *e) {
+/* Finds those of a row, the middle of three, in the columns x0 to x1 - 1. */
+INLINE void find(gradient *g, int x0, int x1, int16_t low, uint32_t room, uint32_t *lost) {
     int16_t least = (int16_t)(low - 2);
+    g->found.n = 0;
     for (int x = x0; x < x1; x += CHUNK) {
         if (!any_above(g->m[1] + x, least))
             continue;
@@ -139,10 +161,10 @@ INLINE void edgels_row(gradient *g, int y, int x0, int x1, int16_t low, edgels *
         uint64_t bits = pack(g->mask);
         if (x1 - x < CHUNK)
             bits &= (UINT64_C(1) << (x1 - x)) - 1;
-        if (e->max - e->n >= CHUNK)
-            append(g->s, g->m, x, y, bits, low, e);
+        if (room - (uint32_t)g->found.n >= CHUNK)
+            append(g->s, g->m, x, bits, low, &g->found);
         else
-            e->lost += (uint32_t)__builtin_popcountll(bits);
+            *lost += (uint32_t)__builtin_popcountll(bits);
     }
 }
 
@@ -154,8 +176,10 @@ static void turn(int16_t **row, int n) {
     row[n - 1] = oldest;
 }
 
-INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, edgels *e) {
+INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, float dx, float dy,
+                 edgels *e) {
     int r = g->radius, w = im->width, h = im->height, edge = r + MARGIN;
+    float unit = gradient_unit(shift);
     for (int y = 0; y < h; y++) {
         turn(g->in, 2 * r + 1);
         load_row(im, y, shift, g->in[2 * r]);
@@ -168,36 +192,39 @@ INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, edg
         if (y >= 2 * r + 2)
             magnitude_row(g->s + 1, g->m[2], r + 1, w - r - 1);
         if (y >= 2 * r + 4) {
-            edgels_row(g, y - edge, edge, w - edge, low, e);
+            find(g, edge, w - edge, low, e->max - e->n, &e->lost);
+            points(&g->found, unit, dx, (float)(y - edge) + dy, e->item + e->n, e->point + e->n);
+            e->n += (uint32_t)g->found.n;
             e->row[y - edge + 1] = e->n;
         }
     }
 }
 
 SCALAR_PATH static void pass_scalar(gradient *g, const arris_image *im, int shift, int16_t low,
-                                    edgels *e) {
-    pass(g, im, shift, low, e);
+                                    float dx, float dy, edgels *e) {
+    pass(g, im, shift, low, dx, dy, e);
 }
 
-static void pass_vector(gradient *g, const arris_image *im, int shift, int16_t low, edgels *e) {
-    pass(g, im, shift, low, e);
+static void pass_vector(gradient *g, const arris_image *im, int shift, int16_t low, float dx,
+                        float dy, edgels *e) {
+    pass(g, im, shift, low, dx, dy, e);
 }
 
 AVX2_PATH static void pass_avx2(gradient *g, const arris_image *im, int shift, int16_t low,
-                                edgels *e) {
-    pass(g, im, shift, low, e);
+                                float dx, float dy, edgels *e) {
+    pass(g, im, shift, low, dx, dy, e);
 }
 
-void gradient_edgels(gradient *g, const arris_image *im, int shift, float low, edgels *e,
-                     enum path path) {
-    static void (*const passes[])(gradient *, const arris_image *, int, int16_t,
+void gradient_edgels(gradient *g, const arris_image *im, int shift, float low, float dx, float dy,
+                     edgels *e, enum path path) {
+    static void (*const passes[])(gradient *, const arris_image *, int, int16_t, float, float,
                                   edgels *) = {pass_scalar, pass_vector, pass_avx2};
     int edge = g->radius + MARGIN;
     e->n = e->lost = 0;
     memset(e->row, 0, ((size_t)im->height + 1) * sizeof *e->row);
     if (im->width <= 2 * edge || im->height <= 2 * edge)
         return;
-    passes[path](g, im, shift, (int16_t)fminf(ceilf(low), INT16_MAX), e);
+    passes[path](g, im, shift, (int16_t)fminf(ceilf(low), INT16_MAX), dx, dy, e);
     for (int y = im->height - edge + 1; y <= im->height; y++)
         e->row[y] = e->n;
 }
@@ -220,7 +247,7 @@ int gradient_init(gradient *g, int width, double sigma) {
     set_taps(g, sigma);
     size_t w = ((size_t)width + 2 * CHUNK) / CHUNK * CHUNK; /* a chunk may reach beyond a row */
     int n = 2 * g->radius + 1;
-    int16_t *p = g->memory = calloc((size_t)(n + 9) * w, sizeof *p);
+    int16_t *p = g->memory = calloc((size_t)(n + 15) * w, sizeof *p);
     if (!p)
         return ARRIS_E_MEMORY;
     for (int i = 0; i < n; i++, p += w)
@@ -232,7 +259,8 @@ int gradient_init(gradient *g, int width, double sigma) {
     for (int i = 0; i < n; i++)
         g->column[i] = p + i;
     g->vertical = p;
-    g->mask = (uint8_t *)(p + w);
+    g->found = (edgel_row){0, p + w, p + 2 * w, p + 3 * w, p + 4 * w, p + 5 * w, p + 6 * w};
+    g->mask = (uint8_t *)(p + 7 * w);
     return 0;
 }
 

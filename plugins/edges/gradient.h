@@ -10,21 +10,27 @@
 
 enum { GRADIENT_MAX_RADIUS = 12, GRADIENT_BITS = 14 };
 
-/* A pixel whose gradient is a maximum along its main axis. Gradients are in units: see
- * gradient_unit. */
+/* Where a point was found: the column of its pixel, and the octant of its gradient, 4 times whether
+ * |gx| >= |gy|, 2 times gx < 0, gy < 0. */
 typedef struct edgel {
-    int16_t x, y, gx, gy;
-    int16_t across;              /* 1: the main axis is x, |gx| >= |gy|; else 0 */
-    int16_t before, here, after; /* the gradient's size here and one pixel to either side along the
-                                    main axis, in some unit */
+    uint16_t x, octant;
 } edgel;
 
-/* Row by row, from left to right. */
+/* Pixels whose gradient is a maximum along its main axis, row by row, from left to right. */
 typedef struct edgels {
     uint32_t n, max, lost;
     edgel *item;
-    uint32_t *row; /* row y has items row[y] .. row[y + 1] - 1; height + 1 entries */
+    arris_edge_point *point; /* of each */
+    uint32_t *row;           /* row y has items row[y] .. row[y + 1] - 1; height + 1 entries */
 } edgels;
+
+/* Edgels of the row that is being worked on: the column, the gradient, and its size here and one
+ * pixel to either side along the main axis, in some unit; the lowest bit of `here` says that this
+ * is x. */
+typedef struct edgel_row {
+    int32_t n;
+    int16_t *x, *gx, *gy, *before, *here, *after;
+} edgel_row;
 
 typedef struct gradient {
     int radius;                            /* of the Gaussian, px; at least 2 */
@@ -33,6 +39,7 @@ typedef struct gradient {
     int16_t *in[2 * GRADIENT_MAX_RADIUS + 1], *s[4], *m[3];
     int16_t *vertical;                                  /* a row smoothed in y only */
     const int16_t *column[2 * GRADIENT_MAX_RADIUS + 1]; /* the same from its i-th pixel on */
+    edgel_row found;
     uint8_t *mask;
     void *memory;
 } gradient;
@@ -50,8 +57,9 @@ float gradient_unit(int shift);
 /* Standard deviation of gx and of gy, grey levels per px, from noise of one level per pixel. */
 double gradient_noise(const gradient *g);
 
-/* All pixels of `im` whose gradient is at least `low` units and a maximum across the edge. */
-void gradient_edgels(gradient *g, const arris_image *im, int shift, float low, edgels *e,
-                     enum path path);
+/* All pixels of `im` whose gradient is at least `low` units and a maximum across the edge. (dx, dy)
+ * is added to every point. */
+void gradient_edgels(gradient *g, const arris_image *im, int shift, float low, float dx, float dy,
+                     edgels *e, enum path path);
 
 #endif

@@ -10,17 +10,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { DONE = -1, BATCH = 64 };
+#define DONE UINT32_MAX
 
 /* ---- the tables ----------------------------------------------------------------------------- */
 
 /* Pixels around an edgel are numbered row by row, 3x3 or 5x5, as their bits come from the rows. */
 enum { NEAR = 3, FAR = LINK_ROWS, MIDDLE = NEAR * NEAR / 2 };
-
-/* The octant of the gradient, which is also that of the direction along the edge. */
-static inline int octant(int gx, int gy, int across) {
-    return across << 2 | (gx < 0) << 1 | (gy < 0);
-}
 
 /* How badly the step to a pixel goes on in the direction (x, y): its length, then its turn. Length
  * comes first because it is the same seen from either end, so that both ends pick each other.
@@ -71,16 +66,14 @@ int link_init(linker *l, int width, size_t max) {
     *l = (linker){.width = ((size_t)width / 64 + 2) * 64};
     set_tables(l);
     size_t columns = LINK_ROWS * l->width;
-    int32_t *p = l->memory = malloc((4 * max + columns) * sizeof *p + columns / 8);
-    if (!p)
+    l->to = l->memory = malloc(max * (sizeof *l->to + sizeof *l->start) +
+                               columns * sizeof **l->index + columns / 8);
+    if (!l->to)
         return ARRIS_E_MEMORY;
-    l->next = p;
-    l->prev = p + max;
-    l->start = p + 2 * max;
-    l->order = p + 3 * max;
+    l->start = (uint32_t *)(l->to + max);
     for (int i = 0; i < LINK_ROWS; i++) {
-        l->index[i] = p + 4 * max + l->width * (size_t)i;
-        l->bits[i] = (uint8_t *)(p + 4 * max + columns) + l->width / 8 * (size_t)i;
+        l->index[i] = (uint16_t *)(l->start + max) + l->width * (size_t)i;
+        l->bits[i] = (uint8_t *)(l->index[0] + columns) + l->width / 8 * (size_t)i;
     }
     return 0;
 }
@@ -101,7 +94,7 @@ static inline unsigned window(const uint8_t *bits, unsigned x, int size) {
 }
 
 static void turn(linker *l) {
-    int32_t *index = l->index[0];
+    uint16_t *index = l->index[0];
     uint8_t *bits = l->bits[0];
     for (int k = 0; k < LINK_ROWS - 1; k++) {
         l->index[k] = l->index[k + 1];
@@ -112,58 +105,63 @@ static void turn(linker *l) {
 }
 
 static void enter_row(linker *l, const edgels *e, int y) {
-    int32_t *index = l->index[LINK_ROWS - 1], i = (int32_t)e->row[y];
+    uint16_t *index = l->index[LINK_ROWS - 1];
     uint8_t *bits = l->bits[LINK_ROWS - 1];
-    const edgel *a = e->item + i, *end = e->item + e->row[y + 1];
-    for (; a < end; a++, i++) {
-        unsigned x = (unsigned)a->x;
-        index[x] = i;
+    const edgel *a = e->item + e->row[y];
+    for (uint32_t i = 0, n = e->row[y + 1] - e->row[y]; i < n; i++) {
+        unsigned x = a[i].x;
+        index[x] = (uint16_t)i;
         bits[x / 8] |= (uint8_t)(1 << x % 8);
     }
 }
 
-/* The best edgel two pixels from column x of the middle row, where `bits` are its 5x5 pixels;
- * `none` when there is none. */
-static inline int32_t far_neighbour(const linker *l, const link_far *f, unsigned bits, int x,
-                                    int32_t none) {
-    for (int k = 0; bits & f->bits; k++)
+/* The best edgel two pixels from column x of row y, the middle one, where `bits` are its 5x5
+ * pixels; `none` when there is none. */
+static inline uint32_t far_neighbour(const linker *l, const edgels *e, const link_far *f,
+                                     unsigned bits, int x, int y, uint32_t none) {
+    for (int k = 0; bits & f->bits; k++) {
+        int row = f->pixel[k] / FAR;
         if (bits >> f->pixel[k] & 1)
-            return l->index[f->pixel[k] / FAR][x + f->pixel[k] % FAR - FAR / 2];
+            return e->row[y + row - FAR / 2] + l->index[row][x + f->pixel[k] % FAR - FAR / 2];
+    }
     return none;
 }
 
-/* For edgel i of the middle row, where one of the 3x3 pixels does not go on. */
-static void link_far_ends(linker *l, const edgel *a, int32_t i) {
-    int k = octant(a->gx, a->gy, a->across);
+/* For edgel i of row y, the middle one, where one of the 3x3 pixels does not go on. */
+static void link_far_ends(linker *l, const edgels *e, uint32_t i, int y) {
+    edgel a = e->item[i];
+    neighbours *to = &l->to[i];
     unsigned bits = 0;
     for (int row = 0; row < FAR; row++)
-        bits |= window(l->bits[row], (unsigned)a->x, FAR) << FAR * row;
-    if (l->next[i] == i)
-        l->next[i] = far_neighbour(l, &l->next_far[k], bits, a->x, i);
-    if (l->prev[i] == i)
-        l->prev[i] = far_neighbour(l, &l->prev_far[k], bits, a->x, i);
+        bits |= window(l->bits[row], a.x, FAR) << FAR * row;
+    if (to->next == i)
+        to->next = far_neighbour(l, e, &l->next_far[a.octant], bits, a.x, y, i);
+    if (to->prev == i)
+        to->prev = far_neighbour(l, e, &l->prev_far[a.octant], bits, a.x, y, i);
 }
 
 static void link_row(linker *l, const edgels *e, int y) {
     const uint8_t *up = l->bits[1], *mid = l->bits[2], *down = l->bits[3];
-    int32_t *next = l->next, *prev = l->prev, *ends = l->start, n_ends = 0;
-    const edgel *item = e->item;
-    const int32_t *at[NEAR * NEAR];
-    for (int k = 0; k < NEAR * NEAR; k++)
-        at[k] = l->index[LINK_REACH - 1 + k / NEAR] + k % NEAR - 1;
-    for (int32_t i = (int32_t)e->row[y], n = (int32_t)e->row[y + 1]; i < n; i++) {
-        const edgel *a = &item[i];
-        unsigned x = (unsigned)a->x;
+    uint32_t *ends = l->start, n_ends = 0, first[NEAR * NEAR];
+    const uint16_t *index[NEAR * NEAR];
+    if (e->row[y] == e->row[y + 1])
+        return;
+    for (int k = 0; k < NEAR * NEAR; k++) {
+        first[k] = e->row[y + k / NEAR - 1];
+        index[k] = l->index[LINK_REACH - 1 + k / NEAR] + k % NEAR - 1;
+    }
+    for (uint32_t i = e->row[y], n = e->row[y + 1]; i < n; i++) {
+        unsigned x = e->item[i].x;
         unsigned bits =
             window(up, x, NEAR) | window(mid, x, NEAR) << 3 | window(down, x, NEAR) << 6;
-        link_near to = l->near[octant(a->gx, a->gy, a->across)][bits];
-        next[i] = at[to.next][x];
-        prev[i] = at[to.prev][x];
+        link_near to = l->near[e->item[i].octant][bits];
+        l->to[i].next = first[to.next] + index[to.next][x];
+        l->to[i].prev = first[to.prev] + index[to.prev][x];
         ends[n_ends] = i;
         n_ends += (to.next == MIDDLE) | (to.prev == MIDDLE);
     }
-    for (int k = 0; k < n_ends; k++)
-        link_far_ends(l, &item[ends[k]], ends[k]);
+    for (uint32_t k = 0; k < n_ends; k++)
+        link_far_ends(l, e, ends[k], y);
 }
 
 void link_edgels(linker *l, const edgels *e, int height) {
@@ -179,27 +177,31 @@ void link_edgels(linker *l, const edgels *e, int height) {
 /* ---- chains --------------------------------------------------------------------------------- */
 
 /* Lists the edgels that no other goes on to. */
-static uint32_t find_starts(linker *l, int32_t n) {
+static uint32_t find_starts(linker *l, uint32_t n) {
     uint32_t found = 0;
-    for (int32_t i = 0; i < n; i++) {
-        int32_t prev = l->prev[i];
+    for (uint32_t i = 0; i < n; i++) {
+        uint32_t prev = l->to[i].prev;
         l->start[found] = i;
-        found += (prev == i) | (l->next[prev] != i);
+        found += (prev == i) | (l->to[prev].next != i);
     }
     return found;
 }
 
 /* Walks one chain from edgel i on, and uses it up. */
-static void walk(linker *l, const edgels *e, int32_t i, bool closed, int32_t high2,
+static void walk(linker *l, const edgels *e, uint32_t i, bool closed, float high2,
                  uint32_t min_length, arris_edges *out) {
-    int32_t *order = l->order + out->n, most = 0;
+    arris_edge_point *point = out->point + out->n;
     uint32_t room = out->max - out->n, n = 0;
+    float most = 0;
     for (bool more = true; more; n++) {
-        int32_t gx = e->item[i].gx, gy = e->item[i].gy, g = gx * gx + gy * gy, next = l->next[i];
-        most = g > most ? g : most;
-        order[n] = i;
-        l->prev[i] = DONE;
-        more = l->prev[next] == i; /* not so when next is i itself */
+        arris_edge_point p = e->point[i];
+        uint32_t next = l->to[i].next;
+        float g2 = p.gx * p.gx + p.gy * p.gy;
+        most = g2 > most ? g2 : most;
+        if (n < room)
+            point[n] = p;
+        l->to[i].prev = DONE;
+        more = l->to[next].prev == i; /* not so when next is i itself */
         i = next;
     }
     if (most < high2 || n < min_length)
@@ -215,55 +217,11 @@ static void walk(linker *l, const edgels *e, int32_t i, bool closed, int32_t hig
     out->n += kept;
 }
 
-/* A blurred step is steepest where a Gaussian through the gradients of three pixels along the main
- * axis has its maximum: at (u - v) / (u + v) / 2, where u and v are the logarithms of the middle
- * one over either other, ln(h / a) = 3 (h² - a²) / (h² + 4 h a + a²) to within 1 % up to h = 3 a.
- * Never more than half a pixel off. */
-INLINE void points(const edgel *item, const int32_t *order, uint32_t n, float unit, float dx,
-                   float dy, arris_edge_point *restrict out) {
-    edgel t[BATCH];
+void link_chains(linker *l, const edgels *e, float high, uint32_t min_length, arris_edges *out) {
+    uint32_t n = find_starts(l, e->n);
     for (uint32_t i = 0; i < n; i++)
-        t[i] = item[order[i]];
-    for (uint32_t i = 0; i < n; i++) {
-        float h = t[i].here, a = t[i].before, b = t[i].after;
-        float u = (h * h - a * a) * (h * h + 4 * h * b + b * b);
-        float v = (h * h - b * b) * (h * h + 4 * h * a + a * a);
-        float d = 0.5f * (u - v) / (u + v + 1e-9f), across = t[i].across;
-        out[i].x = t[i].x + dx + across * d;
-        out[i].y = t[i].y + dy + (1 - across) * d;
-        out[i].gx = t[i].gx * unit;
-        out[i].gy = t[i].gy * unit;
-    }
-}
-
-SCALAR_PATH static void points_scalar(const edgel *item, const int32_t *order, uint32_t n,
-                                      float unit, float dx, float dy, arris_edge_point *out) {
-    points(item, order, n, unit, dx, dy, out);
-}
-
-static void points_vector(const edgel *item, const int32_t *order, uint32_t n, float unit, float dx,
-                          float dy, arris_edge_point *out) {
-    points(item, order, n, unit, dx, dy, out);
-}
-
-AVX2_PATH static void points_avx2(const edgel *item, const int32_t *order, uint32_t n, float unit,
-                                  float dx, float dy, arris_edge_point *out) {
-    points(item, order, n, unit, dx, dy, out);
-}
-
-void link_chains(linker *l, const edgels *e, float unit, float high, uint32_t min_length, float dx,
-                 float dy, arris_edges *out, enum path path) {
-    static void (*const set_points[])(const edgel *, const int32_t *, uint32_t, float, float, float,
-                                      arris_edge_point *) = {points_scalar, points_vector,
-                                                             points_avx2};
-    int32_t high2 = (int32_t)fminf(high * high, (float)(INT32_MAX / 2));
-    uint32_t n = find_starts(l, (int32_t)e->n);
-    for (uint32_t i = 0; i < n; i++)
-        walk(l, e, l->start[i], false, high2, min_length, out);
+        walk(l, e, l->start[i], false, high * high, min_length, out);
     for (uint32_t i = 0; i < e->n; i++)
-        if (l->prev[i] != DONE)
-            walk(l, e, (int32_t)i, true, high2, min_length, out);
-    for (uint32_t i = 0; i < out->n; i += BATCH)
-        set_points[path](e->item, l->order + i, out->n - i < BATCH ? out->n - i : BATCH, unit, dx,
-                         dy, out->point + i);
+        if (l->to[i].prev != DONE)
+            walk(l, e, i, true, high * high, min_length, out);
 }

@@ -25,14 +25,18 @@ typedef struct link_far {
     uint32_t bits;           /* the set of them */
 } link_far;
 
+/* Along the edge, brighter side on the right; an edgel itself: none. */
+typedef struct neighbours {
+    uint32_t next, prev;
+} neighbours;
+
 typedef struct linker {
     link_near near[LINK_OCTANTS][512]; /* by the direction, and the 3x3 pixels that are edgels */
     link_far next_far[LINK_OCTANTS], prev_far[LINK_OCTANTS];
-    int32_t *next, *prev; /* along the edge, brighter side on the right; an edgel itself: none */
-    int32_t *start;       /* where open chains begin */
-    int32_t *order;       /* the edgels of all chains */
-    int32_t *index[LINK_ROWS]; /* of some rows, the oldest first: the edgel in a column */
-    uint8_t *bits[LINK_ROWS];  /* which columns have one */
+    neighbours *to;
+    uint32_t *start;            /* where open chains begin */
+    uint16_t *index[LINK_ROWS]; /* of some rows, the oldest first: the row's edgel in a column */
+    uint8_t *bits[LINK_ROWS];   /* which columns have one */
     size_t width;
     void *memory;
 } linker;
@@ -45,8 +49,7 @@ void link_free(linker *l);
 void link_edgels(linker *l, const edgels *e, int height);
 
 /* Appends to `out` the chains that have at least `min_length` points and one gradient of at least
- * `high` units. (dx, dy) is added to every point. Uses up the links. */
-void link_chains(linker *l, const edgels *e, float unit, float high, uint32_t min_length, float dx,
-                 float dy, arris_edges *out, enum path path);
+ * `high` grey levels per px. Uses up the links. */
+void link_chains(linker *l, const edgels *e, float high, uint32_t min_length, arris_edges *out);
 
 #endif
