@@ -318,7 +318,9 @@ static void order_has_no_influence(void **state) {
 static void direction_is_updated(void **state) {
     (void)state;
     arris_edges e = edges_new();
-    piece p[3], *heads[PIECE_HEADS];
+    piece p[3];
+    int32_t heads[PIECE_HEADS];
+    piece_node nodes[3];
     double x = 10, y = 10;
     for (int k = 0; k < 3; k++) {
         double a = 0.04 * k, l = k < 2 ? 30.3 : 30;
@@ -328,7 +330,7 @@ static void direction_is_updated(void **state) {
         p[k] = piece_make(e.point + e.chain[k].first, e.chain[k].n, (uint32_t)k, false);
     }
     piece_rule rule = {sin(0.05), 2, INFINITY};
-    piece_merge(p, 3, &rule, heads);
+    piece_merge(p, 3, &rule, heads, nodes);
     assert_int_equal(p[0].gone + p[1].gone + p[2].gone, 1);
     assert_true(p[1].gone != p[2].gone);
     edges_free(&e);

@@ -50,8 +50,8 @@ canny *canny_new(int width, int height, const canny_params *p) {
     c->path = path_fastest();
     size_t max = 2 * canny_max_points(width, height);
     c->e.max = (uint32_t)max;
-    c->e.item = malloc(max * sizeof *c->e.item);
-    c->e.point = malloc(max * sizeof *c->e.point);
+    c->e.item = malloc((max + EDGELS_BATCH) * sizeof *c->e.item);
+    c->e.point = malloc((max + EDGELS_BATCH) * sizeof *c->e.point);
     c->e.row = malloc(((size_t)height + 1) * sizeof *c->e.row);
     if (c->e.item && c->e.point && c->e.row && gradient_init(&c->g, width, p->sigma) == 0 &&
         link_init(&c->l, width, max) == 0)

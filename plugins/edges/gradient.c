@@ -13,12 +13,19 @@
 #include <stdlib.h>
 #include <string.h>
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 enum {
     BITS = GRADIENT_BITS,
     VECTOR = 16,
+    BATCH = EDGELS_BATCH,
     CHUNK = 64, /* px that are skipped together when none of them reaches `low` */
     MARGIN = 2  /* px beyond the Gaussian that a point's neighbourhood needs */
 };
+
+typedef float four __attribute__((vector_size(16)));
 
 /* Rows are worked on in whole vectors; their buffers have room for that. */
 INLINE int whole(int n) {
@@ -90,7 +97,7 @@ INLINE void mark(const int16_t *restrict up, const int16_t *restrict m,
         int16_t c = m[x], h = (int16_t) - (c & 1);
         int16_t a = (int16_t)((h & m[x - 1]) | (~h & up[x]));
         int16_t b = (int16_t)((h & m[x + 1]) | (~h & down[x]));
-        mask[x] = (uint8_t)((c > least) & (c > a) & (c >= b));
+        mask[x] = (uint8_t) - ((c > least) & (c > a) & (c >= b));
     }
 }
 
@@ -120,33 +127,70 @@ static void append(int16_t *const s[3], int16_t *const m[3], ptrdiff_t x, uint64
 /* A blurred step is steepest where a Gaussian through the gradients of three pixels along the main
  * axis has its maximum: at (u - v) / (u + v) / 2, where u and v are the logarithms of the middle
  * one over either other, ln(h / a) = 3 (h² - a²) / (h² + 4 h a + a²) to within 1 % up to h = 3 a.
- * Never more than half a pixel off. (x, y) is added to every point. */
-INLINE void points(const edgel_row *e, float unit, float x, float y, edgel *restrict item,
-                   arris_edge_point *restrict point) {
-    for (int32_t i = 0; i < e->n; i++) {
-        float h = e->here[i], a = e->before[i], b = e->after[i];
-        float u = (h * h - a * a) * (h * h + 4 * h * b + b * b);
-        float v = (h * h - b * b) * (h * h + 4 * h * a + a * a);
-        float d = 0.5f * (u - v) / (u + v + 1e-9f), across = (float)(e->here[i] & 1);
-        point[i].x = e->x[i] + x + across * d;
-        point[i].y = y + (1 - across) * d;
-        point[i].gx = e->gx[i] * unit;
-        point[i].gy = e->gy[i] * unit;
+ * Never more than half a pixel off. */
+INLINE float peak(float a, float h, float b) {
+    float u = (h * h - a * a) * (h * h + 4 * h * b + b * b);
+    float v = (h * h - b * b) * (h * h + 4 * h * a + a * a);
+    return 0.5f * (u - v) / (u + v + 1e-9f);
+}
+
+/* The points of BATCH edgels of a row, from the i-th on. (x, y) is added to each. */
+INLINE void points(const edgel_row *e, int32_t i, float unit, float x, float y,
+                   arris_edge_point *restrict out) {
+    float row[4][BATCH];
+    for (int k = 0; k < BATCH; k++) {
+        float d = peak(e->before[i + k], e->here[i + k], e->after[i + k]);
+        float across = (float)(e->here[i + k] & 1);
+        row[0][k] = e->x[i + k] + x + across * d;
+        row[1][k] = y + (1 - across) * d;
+        row[2][k] = e->gx[i + k] * unit;
+        row[3][k] = e->gy[i + k] * unit;
     }
-    for (int32_t i = 0; i < e->n; i++) {
-        item[i].x = (uint16_t)e->x[i];
-        item[i].octant = (uint16_t)((e->here[i] & 1) << 2 | (e->gx[i] < 0) << 1 | (e->gy[i] < 0));
+    for (int k = 0; k < BATCH; k += 4) {
+        four r[4], to[4];
+        for (int c = 0; c < 4; c++)
+            memcpy(&r[c], row[c] + k, sizeof r[c]);
+        four a = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5);
+        four b = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5);
+        four c = __builtin_shufflevector(r[0], r[1], 2, 6, 3, 7);
+        four d = __builtin_shufflevector(r[2], r[3], 2, 6, 3, 7);
+        to[0] = __builtin_shufflevector(a, b, 0, 1, 4, 5);
+        to[1] = __builtin_shufflevector(a, b, 2, 3, 6, 7);
+        to[2] = __builtin_shufflevector(c, d, 0, 1, 4, 5);
+        to[3] = __builtin_shufflevector(c, d, 2, 3, 6, 7);
+        memcpy(out + k, to, sizeof to);
     }
 }
 
-/* The lowest bits of CHUNK bytes. */
+/* Appends the row's edgels to `e`, which has room for BATCH more. */
+INLINE void append_row(const edgel_row *row, float unit, float x, float y, edgels *e) {
+    for (int32_t i = 0; i < row->n; i += BATCH) {
+        edgel *item = e->item + e->n + i;
+        for (int k = 0; k < BATCH; k++) {
+            item[k].x = (uint16_t)row->x[i + k];
+            item[k].octant = (uint16_t)((row->here[i + k] & 1) << 2 | (row->gx[i + k] < 0) << 1 |
+                                        (row->gy[i + k] < 0));
+        }
+        points(row, i, unit, x, y, e->point + e->n + i);
+    }
+    e->n += (uint32_t)row->n;
+}
+
+/* The highest bits of CHUNK bytes. */
 INLINE uint64_t pack(const uint8_t *mask) {
     uint64_t bits = 0;
+#if defined(__SSE2__)
+    for (int i = 0; i < CHUNK; i += 16) {
+        __m128i bytes = _mm_loadu_si128((const void *)(mask + i));
+        bits |= (uint64_t)(unsigned)_mm_movemask_epi8(bytes) << i;
+    }
+#else
     for (int i = 0; i < CHUNK; i += 8) {
         uint64_t bytes;
         memcpy(&bytes, mask + i, sizeof bytes);
-        bits |= bytes * 0x0102040810204080 >> 56 << i;
+        bits |= (bytes >> 7 & 0x0101010101010101) * 0x0102040810204080 >> 56 << i;
     }
+#endif
     return bits;
 }
 
@@ -193,8 +237,7 @@ INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, flo
             magnitude_row(g->s + 1, g->m[2], r + 1, w - r - 1);
         if (y >= 2 * r + 4) {
             find(g, edge, w - edge, low, e->max - e->n, &e->lost);
-            points(&g->found, unit, dx, (float)(y - edge) + dy, e->item + e->n, e->point + e->n);
-            e->n += (uint32_t)g->found.n;
+            append_row(&g->found, unit, dx, (float)(y - edge) + dy, e);
             e->row[y - edge + 1] = e->n;
         }
     }
@@ -247,7 +290,7 @@ int gradient_init(gradient *g, int width, double sigma) {
     set_taps(g, sigma);
     size_t w = ((size_t)width + 2 * CHUNK) / CHUNK * CHUNK; /* a chunk may reach beyond a row */
     int n = 2 * g->radius + 1;
-    int16_t *p = g->memory = calloc((size_t)(n + 15) * w, sizeof *p);
+    int16_t *p = g->memory = calloc((size_t)(n + 9) * w, sizeof *p);
     if (!p)
         return ARRIS_E_MEMORY;
     for (int i = 0; i < n; i++, p += w)
@@ -259,8 +302,7 @@ int gradient_init(gradient *g, int width, double sigma) {
     for (int i = 0; i < n; i++)
         g->column[i] = p + i;
     g->vertical = p;
-    g->found = (edgel_row){0, p + w, p + 2 * w, p + 3 * w, p + 4 * w, p + 5 * w, p + 6 * w};
-    g->mask = (uint8_t *)(p + 7 * w);
+    g->mask = (uint8_t *)(p + w);
     return 0;
 }
 

@@ -8,7 +8,12 @@
 #include "arris_types.h"
 #include "path.h"
 
-enum { GRADIENT_MAX_RADIUS = 12, GRADIENT_BITS = 14 };
+enum {
+    GRADIENT_MAX_RADIUS = 12,
+    GRADIENT_BITS = 14,
+    EDGELS_BATCH = 16, /* written at once */
+    EDGELS_ROW = 8192 + EDGELS_BATCH
+};
 
 /* Where a point was found: the column of its pixel, and the octant of its gradient, 4 times whether
  * |gx| >= |gy|, 2 times gx < 0, gy < 0. */
@@ -16,7 +21,8 @@ typedef struct edgel {
     uint16_t x, octant;
 } edgel;
 
-/* Pixels whose gradient is a maximum along its main axis, row by row, from left to right. */
+/* Pixels whose gradient is a maximum along its main axis, row by row, from left to right. The
+ * arrays have room for EDGELS_BATCH more than `max`. */
 typedef struct edgels {
     uint32_t n, max, lost;
     edgel *item;
@@ -29,7 +35,8 @@ typedef struct edgels {
  * is x. */
 typedef struct edgel_row {
     int32_t n;
-    int16_t *x, *gx, *gy, *before, *here, *after;
+    int16_t x[EDGELS_ROW], gx[EDGELS_ROW], gy[EDGELS_ROW];
+    int16_t before[EDGELS_ROW], here[EDGELS_ROW], after[EDGELS_ROW];
 } edgel_row;
 
 typedef struct gradient {

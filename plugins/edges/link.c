@@ -14,14 +14,14 @@
 
 /* ---- the tables ----------------------------------------------------------------------------- */
 
-/* Pixels around an edgel are numbered row by row, 3x3 or 5x5, as their bits come from the rows. */
+/* Pixels around an edgel, 3x3 or 5x5, are numbered column by column. */
 enum { NEAR = 3, FAR = LINK_ROWS, MIDDLE = NEAR * NEAR / 2 };
 
 /* How badly the step to a pixel goes on in the direction (x, y): its length, then its turn. Length
  * comes first because it is the same seen from either end, so that both ends pick each other.
  * INFINITY for a pixel that is not ahead. */
 static double step_cost(int pixel, int size, double x, double y, double least_cos) {
-    int dx = pixel % size - size / 2, dy = pixel / size - size / 2;
+    int dx = pixel / size - size / 2, dy = pixel % size - size / 2;
     double d = hypot(dx, dy), along = d > 0 ? (dx * x + dy * y) / d : -1;
     return along > least_cos ? 2 * d * d - along : INFINITY;
 }
@@ -36,17 +36,19 @@ static uint8_t best_near(double x, double y, int bits) {
 
 /* The pixels that are two away and within 60 degrees of the direction. */
 static link_far sort_far(double x, double y) {
-    link_far f = {.bits = 0};
+    int pixel[LINK_FAR + 1] = {[LINK_FAR] = FAR * FAR / 2};
+    link_far f;
     for (int i = 0, n = 0; i < FAR * FAR; i++) {
         double cost = step_cost(i, FAR, x, y, 0.5);
         if (cost == INFINITY || (abs(i % FAR - FAR / 2) < 2 && abs(i / FAR - FAR / 2) < 2))
             continue;
         int k = n++;
-        for (; k > 0 && step_cost(f.pixel[k - 1], FAR, x, y, 0.5) > cost; k--)
-            f.pixel[k] = f.pixel[k - 1];
-        f.pixel[k] = (uint8_t)i;
-        f.bits |= 1u << i;
+        for (; k > 0 && step_cost(pixel[k - 1], FAR, x, y, 0.5) > cost; k--)
+            pixel[k] = pixel[k - 1];
+        pixel[k] = i;
     }
+    for (int k = 0; k <= LINK_FAR; k++)
+        f.bit[k] = (uint8_t)(pixel[k] / FAR * 8 + pixel[k] % FAR);
     return f;
 }
 
@@ -65,15 +67,18 @@ static void set_tables(linker *l) {
 int link_init(linker *l, int width, size_t max) {
     *l = (linker){.width = ((size_t)width / 64 + 2) * 64};
     set_tables(l);
-    size_t columns = LINK_ROWS * l->width;
-    l->to = l->memory = malloc(max * (sizeof *l->to + sizeof *l->start) +
-                               columns * sizeof **l->index + columns / 8);
-    if (!l->to)
+    if (max < 2 * l->width) /* for link_row */
+        max = 2 * l->width;
+    size_t links = max * sizeof *l->to, starts = max * sizeof *l->start;
+    l->memory =
+        malloc(links + starts + LINK_KEPT * l->width * (sizeof **l->index + sizeof **l->set));
+    if (!l->memory)
         return ARRIS_E_MEMORY;
+    l->to = l->memory;
     l->start = (uint32_t *)(l->to + max);
-    for (int i = 0; i < LINK_ROWS; i++) {
-        l->index[i] = (uint16_t *)(l->start + max) + l->width * (size_t)i;
-        l->bits[i] = (uint8_t *)(l->index[0] + columns) + l->width / 8 * (size_t)i;
+    for (size_t i = 0; i < LINK_KEPT; i++) {
+        l->index[i] = (uint16_t *)(l->start + max) + l->width * i;
+        l->set[i] = (uint8_t *)((uint16_t *)(l->start + max) + l->width * LINK_KEPT) + l->width * i;
     }
     return 0;
 }
@@ -85,92 +90,93 @@ void link_free(linker *l) {
 
 /* ---- neighbours ----------------------------------------------------------------------------- */
 
-/* The bits of `size` columns with x in the middle. */
-static inline unsigned window(const uint8_t *bits, unsigned x, int size) {
-    uint16_t w;
-    x -= (unsigned)size / 2;
-    memcpy(&w, bits + x / 8, sizeof w);
-    return (unsigned)w >> x % 8 & ((1u << size) - 1);
-}
-
-static void turn(linker *l) {
-    uint16_t *index = l->index[0];
-    uint8_t *bits = l->bits[0];
-    for (int k = 0; k < LINK_ROWS - 1; k++) {
-        l->index[k] = l->index[k + 1];
-        l->bits[k] = l->bits[k + 1];
-    }
-    l->index[LINK_ROWS - 1] = index;
-    l->bits[LINK_ROWS - 1] = memset(bits, 0, l->width / 8);
-}
-
+/* Takes up row y, and gives up the oldest one. */
 static void enter_row(linker *l, const edgels *e, int y) {
-    uint16_t *index = l->index[LINK_ROWS - 1];
-    uint8_t *bits = l->bits[LINK_ROWS - 1];
+    uint16_t *index = l->index[0];
+    uint8_t *set = l->set[0];
     const edgel *a = e->item + e->row[y];
+    for (int k = 0; k < LINK_KEPT - 1; k++) {
+        l->index[k] = l->index[k + 1];
+        l->set[k] = l->set[k + 1];
+    }
+    l->index[LINK_KEPT - 1] = index;
+    l->set[LINK_KEPT - 1] = memset(set, 0, l->width);
     for (uint32_t i = 0, n = e->row[y + 1] - e->row[y]; i < n; i++) {
-        unsigned x = a[i].x;
-        index[x] = (uint16_t)i;
-        bits[x / 8] |= (uint8_t)(1 << x % 8);
+        index[a[i].x] = (uint16_t)i;
+        set[a[i].x] = 1;
     }
 }
 
-/* The best edgel two pixels from column x of row y, the middle one, where `bits` are its 5x5
- * pixels; `none` when there is none. */
+/* The best edgel two pixels from column x of row y, the middle one, where `bits` has a byte for
+ * each of the five columns; the edgel there when there is none. */
 static inline uint32_t far_neighbour(const linker *l, const edgels *e, const link_far *f,
-                                     unsigned bits, int x, int y, uint32_t none) {
-    for (int k = 0; bits & f->bits; k++) {
-        int row = f->pixel[k] / FAR;
-        if (bits >> f->pixel[k] & 1)
-            return e->row[y + row - FAR / 2] + l->index[row][x + f->pixel[k] % FAR - FAR / 2];
-    }
-    return none;
+                                     uint64_t bits, int x, int y) {
+    unsigned set = 1u << LINK_FAR; /* the middle */
+    for (int k = 0; k < LINK_FAR; k++)
+        set |= (unsigned)(bits >> f->bit[k] & 1) << k;
+    int best = f->bit[__builtin_ctz(set)], column = best / 8, row = best % 8;
+    return e->row[y + row - LINK_REACH] + l->index[row][x + column - LINK_REACH];
 }
 
-/* For edgel i of row y, the middle one, where one of the 3x3 pixels does not go on. */
-static void link_far_ends(linker *l, const edgels *e, uint32_t i, int y) {
+/* For edgel i of row y, the middle one, where none of the 3x3 pixels goes on. */
+static inline uint32_t link_far_end(const linker *l, const edgels *e, uint32_t i, int y,
+                                    const link_far *far) {
     edgel a = e->item[i];
-    neighbours *to = &l->to[i];
-    unsigned bits = 0;
-    for (int row = 0; row < FAR; row++)
-        bits |= window(l->bits[row], a.x, FAR) << FAR * row;
-    if (to->next == i)
-        to->next = far_neighbour(l, e, &l->next_far[a.octant], bits, a.x, y, i);
-    if (to->prev == i)
-        to->prev = far_neighbour(l, e, &l->prev_far[a.octant], bits, a.x, y, i);
+    uint64_t bits = 0;
+    for (int row = 0; row < FAR; row++) {
+        uint64_t set;
+        memcpy(&set, l->set[row] + a.x - LINK_REACH, sizeof set);
+        bits |= set << row;
+    }
+    return far_neighbour(l, e, &far[a.octant], bits, a.x, y);
+}
+
+/* The 3x3 pixels in the columns from x on. Little-endian, as all our targets are. */
+static inline unsigned near_bits(const uint8_t *up, const uint8_t *mid, const uint8_t *down,
+                                 unsigned x) {
+    uint32_t a, b, c;
+    memcpy(&a, up + x, sizeof a);
+    memcpy(&b, mid + x, sizeof b);
+    memcpy(&c, down + x, sizeof c);
+    a |= b << 1 | c << 2;
+    return (a & 7) | (a >> 5 & 7 << 3) | (a >> 10 & 7 << 6);
 }
 
 static void link_row(linker *l, const edgels *e, int y) {
-    const uint8_t *up = l->bits[1], *mid = l->bits[2], *down = l->bits[3];
-    uint32_t *ends = l->start, n_ends = 0, first[NEAR * NEAR];
+    const uint8_t *up = l->set[1], *mid = l->set[2], *down = l->set[3];
+    uint32_t *last = l->start, *first = l->start + l->width, n_last = 0, n_first = 0;
+    uint32_t base[NEAR * NEAR];
     const uint16_t *index[NEAR * NEAR];
     if (e->row[y] == e->row[y + 1])
         return;
     for (int k = 0; k < NEAR * NEAR; k++) {
-        first[k] = e->row[y + k / NEAR - 1];
-        index[k] = l->index[LINK_REACH - 1 + k / NEAR] + k % NEAR - 1;
+        base[k] = e->row[y + k % NEAR - 1];
+        index[k] = l->index[LINK_REACH - 1 + k % NEAR] + k / NEAR - 1;
     }
     for (uint32_t i = e->row[y], n = e->row[y + 1]; i < n; i++) {
         unsigned x = e->item[i].x;
-        unsigned bits =
-            window(up, x, NEAR) | window(mid, x, NEAR) << 3 | window(down, x, NEAR) << 6;
-        link_near to = l->near[e->item[i].octant][bits];
-        l->to[i].next = first[to.next] + index[to.next][x];
-        l->to[i].prev = first[to.prev] + index[to.prev][x];
-        ends[n_ends] = i;
-        n_ends += (to.next == MIDDLE) | (to.prev == MIDDLE);
+        link_near to = l->near[e->item[i].octant][near_bits(up, mid, down, x - 1)];
+        l->to[i].next = base[to.next] + index[to.next][x];
+        l->to[i].prev = base[to.prev] + index[to.prev][x];
+        last[n_last] = i;
+        n_last += to.next == MIDDLE;
+        first[n_first] = i;
+        n_first += to.prev == MIDDLE;
     }
-    for (uint32_t k = 0; k < n_ends; k++)
-        link_far_ends(l, e, ends[k], y);
+    for (uint32_t k = 0; k < n_last; k++)
+        l->to[last[k]].next = link_far_end(l, e, last[k], y, l->next_far);
+    for (uint32_t k = 0; k < n_first; k++)
+        l->to[first[k]].prev = link_far_end(l, e, first[k], y, l->prev_far);
 }
 
+/* A row is taken up one before its bytes are read, so that they are sure to be stored by then. */
 void link_edgels(linker *l, const edgels *e, int height) {
-    for (int k = 0; k < LINK_ROWS; k++)
-        turn(l);
-    for (int y = 0; y < height; y++, turn(l)) {
+    for (int k = 0; k < LINK_KEPT; k++)
+        memset(l->set[k], 0, l->width);
+    for (int y = 0; y < height; y++) {
         enter_row(l, e, y);
-        if (y >= LINK_REACH)
-            link_row(l, e, y - LINK_REACH);
+        if (y >= LINK_KEPT - LINK_REACH - 1)
+            link_row(l, e, y - (LINK_KEPT - LINK_REACH - 1));
     }
 }
 

@@ -11,6 +11,7 @@ enum {
     LINK_OCTANTS = 8,
     LINK_REACH = 2, /* px: how far apart neighbours may be in x and in y */
     LINK_ROWS = 2 * LINK_REACH + 1,
+    LINK_KEPT = LINK_ROWS + 1,
     LINK_FAR = 5 /* pixels two away within 60 degrees of a direction */
 };
 
@@ -19,10 +20,10 @@ typedef struct link_near {
     uint8_t next, prev;
 } link_near;
 
-/* Which of the 5x5 pixels go on where none of the 3x3 does. */
+/* Which of the 5x5 pixels go on where none of the 3x3 does, the best first, last the middle one: 8
+ * times the column and the row. */
 typedef struct link_far {
-    uint8_t pixel[LINK_FAR]; /* the best first */
-    uint32_t bits;           /* the set of them */
+    uint8_t bit[LINK_FAR + 1];
 } link_far;
 
 /* Along the edge, brighter side on the right; an edgel itself: none. */
@@ -34,9 +35,11 @@ typedef struct linker {
     link_near near[LINK_OCTANTS][512]; /* by the direction, and the 3x3 pixels that are edgels */
     link_far next_far[LINK_OCTANTS], prev_far[LINK_OCTANTS];
     neighbours *to;
-    uint32_t *start;            /* where open chains begin */
-    uint16_t *index[LINK_ROWS]; /* of some rows, the oldest first: the row's edgel in a column */
-    uint8_t *bits[LINK_ROWS];   /* which columns have one */
+    uint32_t *start; /* where open chains begin */
+    /* Of some rows, the oldest first, for each column: the row's edgel, and whether there is one.
+     */
+    uint16_t *index[LINK_KEPT];
+    uint8_t *set[LINK_KEPT];
     size_t width;
     void *memory;
 } linker;

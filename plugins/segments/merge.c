@@ -125,43 +125,58 @@ static void offer(piece *p, const piece_pair *pair) {
 typedef struct grid {
     double per_cell; /* cells to a px, so that four hold all starts near a point */
     uint32_t mask;
-    piece **heads;
+    int32_t *heads;
+    piece_node *nodes; /* of each piece */
 } grid;
 
 static uint32_t grid_cell(const grid *g, double x) {
     return (uint32_t)(int32_t)(x * g->per_cell + (1 << 20));
 }
 
-static piece **grid_head(const grid *g, uint32_t col, uint32_t row) {
+static int32_t *grid_head(const grid *g, uint32_t col, uint32_t row) {
     return &g->heads[(col * 0x9E3779B1u ^ row * 0x85EBCA77u) >> 16 & g->mask];
 }
 
 static void grid_fill(grid *g, piece *p, uint32_t n) {
-    memset(g->heads, 0, (g->mask + 1) * sizeof *g->heads);
+    memset(g->heads, 0xFF, (g->mask + 1) * sizeof *g->heads); /* -1: none */
     for (uint32_t i = 0; i < n; i++) {
-        p[i].best = (piece_pair){.cost = INFINITY};
-        if (p[i].gone)
+        const piece *q = &p[i];
+        if (q->gone)
             continue;
-        piece **head = grid_head(g, grid_cell(g, p[i].x1), grid_cell(g, p[i].y1));
-        p[i].next = *head;
-        *head = &p[i];
+        p[i].best.cost = INFINITY;
+        p[i].best.first = p[i].best.second = NULL;
+        int32_t *head = grid_head(g, grid_cell(g, q->x1), grid_cell(g, q->y1));
+        g->nodes[i] = (piece_node){(float)q->x1, (float)q->y1, (float)q->dx, (float)q->dy, *head};
+        *head = (int32_t)i;
     }
 }
 
-/* Offers each pair that a begins to both of its pieces. */
-static void find_pairs(const grid *g, piece *a, const piece_rule *rule) {
-    uint32_t col = grid_cell(g, a->x2 - rule->linkrad), right = grid_cell(g, a->x2 + rule->linkrad);
+/* Offers each pair that a begins, and whose second start is in a list, to both of its pieces. What
+ * is far from the rule is left out in single precision. */
+static void find_in(const grid *g, int32_t head, piece *p, piece *a, const piece_rule *rule) {
+    float x = (float)a->x2, y = (float)a->y2, dx = (float)a->dx, dy = (float)a->dy;
+    float far = (float)(1.01 * rule->linkrad + 0.01), sine = (float)(1.01 * rule->sine + 1e-4);
+    for (const piece_node *b; head >= 0; head = b->next) {
+        b = &g->nodes[head];
+        if ((fabsf(b->x - x) > far) | (fabsf(b->y - y) > far) |
+            (fabsf(dx * b->dy - dy * b->dx) > sine))
+            continue;
+        piece_pair pair = {0, a, &p[head]};
+        if (pair.second == a || !continues(a, pair.second, rule, &pair.cost))
+            continue;
+        offer(a, &pair);
+        offer(pair.second, &pair);
+    }
+}
+
+static void find_pairs(const grid *g, piece *p, piece *a, const piece_rule *rule) {
+    uint32_t left = grid_cell(g, a->x2 - rule->linkrad),
+             right = grid_cell(g, a->x2 + rule->linkrad);
     uint32_t top = grid_cell(g, a->y2 - rule->linkrad),
              bottom = grid_cell(g, a->y2 + rule->linkrad);
-    for (; col <= right; col++)
+    for (uint32_t col = left; col <= right; col++)
         for (uint32_t row = top; row <= bottom; row++)
-            for (piece *b = *grid_head(g, col, row); b; b = b->next) {
-                piece_pair pair = {0, a, b};
-                if (a == b || !continues(a, b, rule, &pair.cost))
-                    continue;
-                offer(a, &pair);
-                offer(b, &pair);
-            }
+            find_in(g, *grid_head(g, col, row), p, a, rule);
 }
 
 /* Joins the pairs that are the best of both their pieces. */
@@ -177,8 +192,8 @@ static bool join_best(piece *p, uint32_t n) {
     return any;
 }
 
-void piece_merge(piece *p, uint32_t n, const piece_rule *rule, piece **heads) {
-    grid g = {.per_cell = 1 / fmax(16, 2 * rule->linkrad), .mask = 63, .heads = heads};
+void piece_merge(piece *p, uint32_t n, const piece_rule *rule, int32_t *heads, piece_node *nodes) {
+    grid g = {1 / fmax(16, 2 * rule->linkrad), 63, heads, nodes};
     while (g.mask + 1 < PIECE_HEADS && g.mask < n)
         g.mask = 2 * g.mask + 1;
     bool more = true;
@@ -186,7 +201,7 @@ void piece_merge(piece *p, uint32_t n, const piece_rule *rule, piece **heads) {
         grid_fill(&g, p, n);
         for (uint32_t i = 0; i < n; i++)
             if (!p[i].gone)
-                find_pairs(&g, &p[i], rule);
+                find_pairs(&g, p, &p[i], rule);
         more = join_best(p, n);
     }
 }

@@ -24,8 +24,7 @@ struct piece {
     uint32_t chain, points;     /* the chain that most points are from, and how many those are */
     bool raw;                   /* the ends are points of chains, not their feet on the line */
     bool gone;                  /* it became part of another */
-    piece *next;                /* for piece_merge */
-    piece_pair best;
+    piece_pair best;            /* for piece_merge */
 };
 
 /* The piece of n >= 2 points. The line is fitted by total least squares, without the points at the
@@ -42,11 +41,18 @@ typedef struct piece_rule {
     double tol;     /* px, of all four ends from the line of the joined piece; may be INFINITY */
 } piece_rule;
 
+/* Where a piece starts, in a list of those nearby. */
+typedef struct piece_node {
+    float x, y, dx, dy;
+    int32_t next;
+} piece_node;
+
 enum { PIECE_HEADS = 4096 };
 
 /* Joins pieces by the rule (Kovesi's mergeseg, for pieces whose brighter sides agree). The pair
  * that fits best goes first and directions are updated after each join, so that the order of the
- * pieces has no influence. A joined piece is `gone`. `heads` is scratch for PIECE_HEADS. */
-void piece_merge(piece *p, uint32_t n, const piece_rule *rule, piece **heads);
+ * pieces has no influence. A joined piece is `gone`. `heads` is scratch for PIECE_HEADS and `nodes`
+ * for n. */
+void piece_merge(piece *p, uint32_t n, const piece_rule *rule, int32_t *heads, piece_node *nodes);
 
 #endif

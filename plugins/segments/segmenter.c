@@ -25,7 +25,9 @@ struct segmenter {
     int width, height;
     uint32_t max_pieces, max_chain;
     uint32_t n, lost; /* pieces */
-    piece *pieces, *heads[PIECE_HEADS];
+    piece *pieces;
+    int32_t heads[PIECE_HEADS];
+    piece_node *nodes;
     uint32_t *corner;      /* of one chain */
     arris_edge_point *raw; /* one chain, rounded to pixels */
     refitter *refitter;
@@ -46,10 +48,12 @@ segmenter *segmenter_new(int width, int height, const segmenter_params *p) {
     s->max_pieces = (uint32_t)(4 * segmenter_max(width, height));
     s->max_chain = (uint32_t)(pixels / 2 + 64);
     s->pieces = malloc(s->max_pieces * sizeof *s->pieces);
+    s->nodes = malloc(s->max_pieces * sizeof *s->nodes);
     s->corner = malloc(s->max_chain * sizeof *s->corner);
     s->raw = p->mode == SEGMENTER_THESIS ? malloc(s->max_chain * sizeof *s->raw) : NULL;
     s->refitter = refitter_new(width, height);
-    if (!s->refitter || !s->pieces || !s->corner || (p->mode == SEGMENTER_THESIS && !s->raw)) {
+    if (!s->refitter || !s->pieces || !s->nodes || !s->corner ||
+        (p->mode == SEGMENTER_THESIS && !s->raw)) {
         segmenter_free(s);
         return NULL;
     }
@@ -61,6 +65,7 @@ void segmenter_free(segmenter *s) {
         return;
     refitter_free(s->refitter);
     free(s->pieces);
+    free(s->nodes);
     free(s->corner);
     free(s->raw);
     free(s);
@@ -110,7 +115,7 @@ static void find_pieces(segmenter *s, const arris_edges *edges) {
     }
     piece_rule rule = {sin(s->p.angtol), s->p.linkrad,
                        s->p.mode == SEGMENTER_THESIS ? INFINITY : s->p.tol / 2};
-    piece_merge(s->pieces, s->n, &rule, s->heads);
+    piece_merge(s->pieces, s->n, &rule, s->heads, s->nodes);
 }
 
 /* ---- lines ---------------------------------------------------------------------------------- */
