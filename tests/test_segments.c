@@ -439,15 +439,15 @@ static void scales_cover_blurs(void **state) {
 static void huber_ignores_outliers(void **state) {
     (void)state;
     enum { N = 40 };
-    four t[N / 4], offset[N / 4], weight[N / 4];
+    eight t[N / LANES], offset[N / LANES], weight[N / LANES];
     uint64_t seed = 7;
     for (int i = 0; i < N; i++) {
-        t[i / 4][i % 4] = (float)(i - N / 2);
-        offset[i / 4][i % 4] = (float)(0.5 + 0.01 * (i - N / 2) + 0.01 * rng_normal(&seed));
-        weight[i / 4][i % 4] = 100;
+        t[i / LANES][i % LANES] = (float)(i - N / 2);
+        offset[i / LANES][i % LANES] = (float)(0.5 + 0.01 * (i - N / 2) + 0.01 * rng_normal(&seed));
+        weight[i / LANES][i % LANES] = 100;
     }
-    offset[3][1] = 40, offset[8][2] = -30, offset[5][0] = 9;
-    huber_data d = {N, t, offset, weight};
+    offset[1][5] = 40, offset[4][2] = -30, offset[2][4] = 9;
+    huber_data d = {N, t, offset, weight, false};
     huber_line l;
     huber_fit(&d, &l);
     assert_within(l.offset, 0.495, 0.505);
@@ -458,20 +458,20 @@ static void huber_ignores_outliers(void **state) {
 static void huber_tells_scatter(void **state) {
     (void)state;
     enum { N = 200 };
-    four t[N / 4], wild[N / 4], wavy[N / 4], weight[N / 4];
+    eight t[N / LANES], wild[N / LANES], wavy[N / LANES], weight[N / LANES];
     uint64_t seed = 9;
     huber_line l;
     for (int i = 0; i < N; i++) {
-        t[i / 4][i % 4] = (float)(i - N / 2);
-        wild[i / 4][i % 4] = (float)(0.3 * rng_normal(&seed));
-        wavy[i / 4][i % 4] = (float)(0.01 * rng_normal(&seed) + 0.02 * sin(i / 15.));
-        weight[i / 4][i % 4] = 100;
+        t[i / LANES][i % LANES] = (float)(i - N / 2);
+        wild[i / LANES][i % LANES] = (float)(0.3 * rng_normal(&seed));
+        wavy[i / LANES][i % LANES] = (float)(0.01 * rng_normal(&seed) + 0.02 * sin(i / 15.));
+        weight[i / LANES][i % LANES] = 100;
     }
-    huber_fit(&(huber_data){N, t, wild, weight}, &l);
+    huber_fit(&(huber_data){N, t, wild, weight, false}, &l);
     assert_within(l.spread, 600, 1300); /* (0.3 / 0.01)² = 900 */
-    huber_fit(&(huber_data){N, t, wavy, weight}, &l);
+    huber_fit(&(huber_data){N, t, wavy, weight, false}, &l);
     assert_within(l.spread, 2, 5);
-    assert_true(huber_waves(&(huber_data){N, t, wavy, weight}, &l) > 20);
+    assert_true(huber_waves(&(huber_data){N, t, wavy, weight, false}, &l) > 20);
 }
 
 /* ---- at the bound --------------------------------------------------------------------------- */

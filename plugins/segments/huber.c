@@ -14,50 +14,53 @@
 
 enum { BLOCKS = 8 };
 
-static void solve(huber_line *l, double a, double b) {
+INLINE void solve(huber_line *l, double a, double b) {
     const double *w = l->normal, det = w[0] * w[2] - w[1] * w[1];
     l->offset += (w[2] * a - w[1] * b) / det;
     l->slope += (w[0] * b - w[1] * a) / det;
 }
 
 /* Fills in `normal`, too. */
-static void least_squares(const huber_data *d, huber_line *l) {
-    four w0 = {0}, w1 = {0}, w2 = {0}, q0 = {0}, q1 = {0};
-    for (uint32_t i = 0; i * 4 < d->n; i++) {
-        four ww = d->weight[i] * d->weight[i], wt = ww * d->t[i];
+INLINE void least_squares(const huber_data *d, huber_line *l) {
+    eight w0 = {0}, w1 = {0}, w2 = {0}, q0 = {0}, q1 = {0};
+    for (uint32_t i = 0; i * LANES < d->n; i++) {
+        eight ww = d->weight[i] * d->weight[i], wt = ww * d->t[i];
         w0 += ww, w1 += wt, w2 += wt * d->t[i];
         q0 += ww * d->offset[i], q1 += wt * d->offset[i];
     }
-    l->normal[0] = (double)four_sum(w0);
-    l->normal[1] = (double)four_sum(w1);
-    l->normal[2] = (double)four_sum(w2);
+    l->normal[0] = (double)eight_sum(&w0);
+    l->normal[1] = (double)eight_sum(&w1);
+    l->normal[2] = (double)eight_sum(&w2);
     l->offset = l->slope = 0;
-    solve(l, (double)four_sum(q0), (double)four_sum(q1));
+    solve(l, (double)eight_sum(&q0), (double)eight_sum(&q1));
 }
 
 /* One step towards the line whose residuals, at most `limit` each, are orthogonal to it. Returns
  * the share of the offsets whose residuals were smaller. */
-static double step(const huber_data *d, huber_line *l, float limit) {
-    four offset = (four){0} + (float)l->offset, slope = (four){0} + (float)l->slope;
-    four most = (four){0} + limit, q0 = {0}, q1 = {0}, square = {0};
-    four_bits out = {0};
-    for (uint32_t i = 0; i * 4 < d->n; i++) {
-        four e = (d->offset[i] - offset - slope * d->t[i]) * d->weight[i];
-        four_bits over = e > most, under = e < -most;
+INLINE double step(const huber_data *d, huber_line *l, float limit) {
+    eight offset = (eight){0} + (float)l->offset, slope = (eight){0} + (float)l->slope;
+    eight most = (eight){0} + limit, q0 = {0}, q1 = {0}, square = {0};
+    eight_ints out = {0};
+    for (uint32_t i = 0; i * LANES < d->n; i++) {
+        eight e = (d->offset[i] - offset - slope * d->t[i]) * d->weight[i];
+        eight_ints over = e > most, under = e < -most;
         out -= over + under; /* true is -1 */
-        e = four_choose(over, most, four_choose(under, -most, e));
+        e = EIGHT_CHOOSE(over, most, EIGHT_CHOOSE(under, -most, e));
         square += e * e;
         e *= d->weight[i];
         q0 += e, q1 += e * d->t[i];
     }
-    l->misfit = (double)four_sum(square);
-    solve(l, (double)four_sum(q0), (double)four_sum(q1));
-    return 1 - (double)(out[0] + out[1] + out[2] + out[3]) / d->n;
+    int32_t outside = 0;
+    for (int k = 0; k < LANES; k++)
+        outside += out[k];
+    l->misfit = (double)eight_sum(&square);
+    solve(l, (double)eight_sum(&q0), (double)eight_sum(&q1));
+    return 1 - (double)outside / d->n;
 }
 
 /* Looks for the least limit that leaves enough within, from wide to narrow: gross outliers, and
  * offsets that scatter by more than the weights claim. */
-static double narrow_down(const huber_data *d, huber_line *l) {
+INLINE double narrow_down(const huber_data *d, huber_line *l) {
     huber_line best;
     float limit = LIMIT;
     l->offset = l->slope = 0; /* the line that was expected */
@@ -71,7 +74,7 @@ static double narrow_down(const huber_data *d, huber_line *l) {
     return step(d, l, 2 * limit);
 }
 
-void huber_fit(const huber_data *d, huber_line *l) {
+INLINE void fit(const huber_data *d, huber_line *l) {
     least_squares(d, l);
     double share = step(d, l, LIMIT);
     if (share < INLIERS)
@@ -79,6 +82,18 @@ void huber_fit(const huber_data *d, huber_line *l) {
     else if (share < FEW)
         share = step(d, l, LIMIT);
     l->spread = l->misfit / ((d->n - 2) * share * share);
+}
+
+static void fit_portable(const huber_data *d, huber_line *l) {
+    fit(d, l);
+}
+
+AVX2_PATH static void fit_avx2(const huber_data *d, huber_line *l) {
+    fit(d, l);
+}
+
+void huber_fit(const huber_data *d, huber_line *l) {
+    (HAS_AVX2 && !d->portable ? fit_avx2 : fit_portable)(d, l);
 }
 
 double huber_beyond_chance(double variance, double dof, double sigma) {

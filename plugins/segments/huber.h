@@ -7,12 +7,13 @@
 
 #include "lanes.h"
 
-/* n measured offsets, in fours; those that fill up the last four have weight 0. */
+/* n measured offsets, in eights; those that fill up the last eight have weight 0. */
 typedef struct huber_data {
     uint32_t n;
-    const four *t;      /* the places where they were measured */
-    const four *offset; /* what was measured */
-    const four *weight; /* 1 / sigma */
+    const eight *t;      /* the places where they were measured */
+    const eight *offset; /* what was measured */
+    const eight *weight; /* 1 / sigma */
+    bool portable;       /* without what only some machines have; the same bits */
 } huber_data;
 
 typedef struct huber_line {

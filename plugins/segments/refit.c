@@ -30,7 +30,7 @@ struct refitter {
     rows rows;
     crowd crowd;
     step_table steps;
-    four *offset, *weight; /* of the rows: px across the line, and in sigma^-1 */
+    eight *offset, *weight; /* of the rows: px across the line, and in sigma^-1 */
 };
 
 /* What is known of the line that is being fitted. */
@@ -51,14 +51,14 @@ refitter *refitter_new(int width, int height) {
     refitter *f = aligned_alloc(_Alignof(refitter), sizeof *f);
     if (!f)
         return NULL;
-    size_t room = ((size_t)(width > height ? width : height) / 4 + 1) * sizeof(four);
+    size_t room = ((size_t)(width > height ? width : height) / LANES + 1) * sizeof(eight);
     int error = rows_init(&f->rows, width, height) | crowd_init(&f->crowd, width, height);
-    f->offset = aligned_alloc(sizeof(four), 2 * room);
+    f->offset = aligned_alloc(sizeof(eight), 2 * room);
     if (error || !f->offset) {
         refitter_free(f);
         return NULL;
     }
-    f->weight = f->offset + room / sizeof(four);
+    f->weight = f->offset + room / sizeof(eight);
     step_init(&f->steps);
     f->rows.steps = &f->steps;
     f->rows.crowd = &f->crowd;
@@ -156,28 +156,40 @@ static bool find_step(state *s, const rows *r) {
 
 /* Turns the filters' answers into offsets across the line. Of the blur of a contrast that fades
  * along the line, a ramp in a row that is aslant, only the part across the line is there. */
-static void find_offsets(refitter *f, const state *s) {
+INLINE void offsets(refitter *f, const state *s) {
     const rows *r = &f->rows;
     float c0 = (float)s->contrast[0], c1 = (float)s->contrast[1], lean = (float)s->lean;
     float widen = (float)s->widen, noise = (float)s->noise;
     float kink = (float)(s->kink * (1 - s->lean)), slope = (float)(s->slope * (1 - s->lean));
     float ramp = (float)(2 * s->kink * s->blur * s->blur) * r->slant * r->slant;
-    four least = (four){0} + 0.2f * fabsf(c0), sign = (four){0} + copysignf(1, c0);
-    for (uint32_t i = 0; 4 * i < r->n; i++) {
-        four size = (c0 + c1 * r->t[i]) * sign; /* the contrast may fade, but not vanish */
-        size = four_choose(size > least, size, least) * sign;
-        four across = r->across[i] / (r->response[i] * size * (1 + r->gain[i] * widen));
-        four answer = r->answer[i] + ramp * r->response[i] - lean * r->slopes[i] -
-                      kink * r->by_kink[i] - slope * r->by_slope[i];
+    eight least = (eight){0} + 0.2f * fabsf(c0), sign = (eight){0} + copysignf(1, c0);
+    for (uint32_t i = 0; LANES * i < r->n; i++) {
+        eight size = (c0 + c1 * r->t[i]) * sign; /* the contrast may fade, but not vanish */
+        size = EIGHT_CHOOSE(size > least, size, least) * sign;
+        eight across = r->across[i] / (r->response[i] * size * (1 + r->gain[i] * widen));
+        eight answer = r->answer[i] + ramp * r->response[i] - lean * r->slopes[i] -
+                       kink * r->by_kink[i] - slope * r->by_slope[i];
         f->offset[i] = -r->across[i] * r->shift[i] - across * answer;
-        f->weight[i] = 1 / (four_abs(across) * (noise + noise * lean * r->unsure[i]));
+        f->weight[i] = 1 / (EIGHT_ABS(across) * (noise + noise * lean * r->unsure[i]));
     }
-    for (uint32_t i = r->n; i % 4; i++)
-        f->offset[i / 4][i % 4] = f->weight[i / 4][i % 4] = 0;
+    for (uint32_t i = r->n; i % LANES; i++)
+        f->offset[i / LANES][i % LANES] = f->weight[i / LANES][i % LANES] = 0;
+}
+
+static void offsets_portable(refitter *f, const state *s) {
+    offsets(f, s);
+}
+
+AVX2_PATH static void offsets_avx2(refitter *f, const state *s) {
+    offsets(f, s);
+}
+
+static void find_offsets(refitter *f, const state *s) {
+    (HAS_AVX2 && !f->rows.portable ? offsets_avx2 : offsets_portable)(f, s);
 }
 
 static huber_data data_of(const refitter *f) {
-    return (huber_data){f->rows.n, f->rows.t, f->offset, f->weight};
+    return (huber_data){f->rows.n, f->rows.t, f->offset, f->weight, f->rows.portable};
 }
 
 /* Moves the line, and its ends along with it. */

@@ -21,10 +21,10 @@
 enum { PROBES = 4 };
 
 int rows_init(rows *r, int width, int height) {
-    size_t n = (size_t)(width > height ? width : height) / 4 + 1;
-    *r = (rows){.max = (uint32_t)(4 * n)};
+    size_t n = (size_t)(width > height ? width : height) / LANES + 1;
+    *r = (rows){.max = (uint32_t)(LANES * n)};
     r->place = malloc(r->max * sizeof *r->place);
-    four *p = r->t = aligned_alloc(sizeof(four), 10 * n * sizeof(four));
+    eight *p = r->t = aligned_alloc(sizeof(eight), 10 * n * sizeof(eight));
     if (!r->place || !p)
         return ARRIS_E_MEMORY;
     r->across = p += n;
@@ -177,10 +177,10 @@ static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
     r->slant = slope < 1 ? (float)sqrt(1 + slope * slope) : (float)M_SQRT2;
 }
 
-/* Repeats the last row until they are whole fours. */
+/* Repeats the last row until they are whole eights. */
 static void fill_up(rows *r) {
     float *t = (float *)r->t, *across = (float *)r->across, *shift = (float *)r->shift;
-    for (uint32_t i = r->n; i % 4 && r->n > 0; i++)
+    for (uint32_t i = r->n; i % LANES && r->n > 0; i++)
         t[i] = t[i - 1], across[i] = across[i - 1], shift[i] = shift[i - 1];
 }
 

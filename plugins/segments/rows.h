@@ -52,18 +52,18 @@ typedef struct rows {
     bool columns;  /* the rows are columns of the picture */
     float slant;   /* px of a row that the step covers per px across it */
     row_sums sum;
-    /* of each row, in fours; the last four are filled up with copies */
+    /* of each row, in eights; the last eight are filled up with copies */
     row_place *place;
-    four *t;        /* place along the line from its middle, px */
-    four *across;   /* px across the line, to its right, per px of the row */
-    four *shift;    /* px of the row from the place that the filter assumes to the line */
-    four *answer;   /* of the filter of the offset, grey levels */
-    four *response; /* of that filter to a px of offset, per level of contrast (step.h) */
-    four *gain;     /* of the response with blur (step.h) */
-    four *slopes;   /* what slopes beside the line add to the answer, as measured in the row */
-    four *unsure;   /* how much sigma grows, relatively, when that is taken out */
-    four *by_kink;  /* the same per level per px that the sides differ by */
-    four *by_slope; /* and that they have in common */
+    eight *t;        /* place along the line from its middle, px */
+    eight *across;   /* px across the line, to its right, per px of the row */
+    eight *shift;    /* px of the row from the place that the filter assumes to the line */
+    eight *answer;   /* of the filter of the offset, grey levels */
+    eight *response; /* of that filter to a px of offset, per level of contrast (step.h) */
+    eight *gain;     /* of the response with blur (step.h) */
+    eight *slopes;   /* what slopes beside the line add to the answer, as measured in the row */
+    eight *unsure;   /* how much sigma grows, relatively, when that is taken out */
+    eight *by_kink;  /* the same per level per px that the sides differ by */
+    eight *by_slope; /* and that they have in common */
 } rows;
 
 /* Reserves rows for pictures of up to this size. 0 or ARRIS_E_MEMORY; rows_free in either case. */
