@@ -23,17 +23,16 @@ void crowd_free(crowd *c) {
     free(c->bits[1]);
 }
 
-INLINE void add(crowd *c, float x, float y) {
-    int at = (int)(x + 0.5f), line = (int)(y + 0.5f);
-    c->bits[0][(size_t)line * c->stride[0] + (size_t)at / 64 + 1] |= (uint64_t)1 << at % 64;
-    c->bits[1][(size_t)at * c->stride[1] + (size_t)line / 64 + 1] |= (uint64_t)1 << line % 64;
+INLINE void set(uint64_t *bits, size_t stride, unsigned line, unsigned at) {
+    bits[line * stride + at / 64 + 1] |= (uint64_t)1 << at % 64;
 }
 
 void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *lens) {
     float right = (float)width - 0.5f, bottom = (float)height - 0.5f;
-    c->stride[0] = words(width), c->stride[1] = words(height);
-    memset(c->bits[0], 0, (size_t)height * c->stride[0] * sizeof(uint64_t));
-    memset(c->bits[1], 0, (size_t)width * c->stride[1] * sizeof(uint64_t));
+    size_t row = c->stride[0] = words(width), column = c->stride[1] = words(height);
+    uint64_t *by_row = c->bits[0], *by_column = c->bits[1];
+    memset(by_row, 0, (size_t)height * row * sizeof *by_row);
+    memset(by_column, 0, (size_t)width * column * sizeof *by_column);
     for (uint32_t i = 0; i < e->n; i++) {
         float x = e->point[i].x, y = e->point[i].y;
         if (lens) {
@@ -41,7 +40,10 @@ void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arr
             arris_distort(lens, (double)x, (double)y, &u, &v);
             x = (float)u, y = (float)v;
         }
-        if (x > -0.5f && y > -0.5f && x < right && y < bottom)
-            add(c, x, y);
+        if (!(x > -0.5f && y > -0.5f && x < right && y < bottom))
+            continue;
+        unsigned at = (unsigned)(int)(x + 0.5f), line = (unsigned)(int)(y + 0.5f);
+        set(by_row, row, line, at);
+        set(by_column, column, at, line);
     }
 }

@@ -9,6 +9,8 @@
 
 enum { MAX_ROUNDS = 32, ROUND = 3 /* points at either end that a corner may have rounded */ };
 
+typedef double two __attribute__((vector_size(16)));
+
 /* ---- pieces --------------------------------------------------------------------------------- */
 
 /* Direction of the greatest spread, and the ends' feet on the line. */
@@ -44,12 +46,14 @@ piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw
     uint32_t skip = raw || n < 4 * ROUND ? 0 : ROUND;
     piece s = {.chain = chain, .points = n, .raw = raw, .n = n - 2 * skip};
     s.x1 = p->x, s.y1 = p->y, s.x2 = q->x, s.y2 = q->y;
+    two at = {0}, squares = {0}, gradient = {0};
     for (uint32_t i = skip; i < n - skip; i++) {
-        double x = p[i].x, y = p[i].y;
-        s.x += x, s.y += y;
-        s.xx += x * x, s.xy += x * y, s.yy += y * y;
-        s.gx += p[i].gx, s.gy += p[i].gy;
+        two v = {p[i].x, p[i].y}, g = {p[i].gx, p[i].gy};
+        at += v, squares += v * v, gradient += g;
+        s.xy += v[0] * v[1];
     }
+    s.x = at[0], s.y = at[1], s.xx = squares[0], s.yy = squares[1];
+    s.gx = gradient[0], s.gy = gradient[1];
     (raw ? chord : fit)(&s);
     return s;
 }

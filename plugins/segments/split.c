@@ -5,28 +5,66 @@
 #include "split.h"
 
 #include <math.h>
+#include <string.h>
+
+enum { FOUR = 4 };
+
+typedef float four __attribute__((vector_size(4 * FOUR)));
+typedef int32_t four_ints __attribute__((vector_size(4 * FOUR)));
+
+/* A line through the point (x, y) in the direction (dx, dy). */
+typedef struct chord {
+    float x, y, dx, dy;
+} chord;
+
+/* The greatest distance of the points between a and b from the chord; *at is the first where. Four
+ * points are taken at a time, and each lane remembers its own greatest. */
+static float farthest(const arris_edge_point *p, uint32_t a, uint32_t b, chord c, uint32_t *at) {
+    four most = {0};
+    four_ints where = {0}, index = {0, 1, 2, 3};
+    uint32_t i = a + 1;
+    float best = 0;
+    for (index += (int32_t)i; i + FOUR <= b; i += FOUR, index += FOUR) {
+        four r[FOUR];
+        for (int k = 0; k < FOUR; k++)
+            memcpy(&r[k], &p[i + k], sizeof r[k]);
+        four first = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5);
+        four second = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5);
+        four x = __builtin_shufflevector(first, second, 0, 1, 4, 5);
+        four y = __builtin_shufflevector(first, second, 2, 3, 6, 7);
+        four d = (x - c.x) * c.dy - (y - c.y) * c.dx;
+        d = (four)((four_ints)d & INT32_MAX);
+        four_ints more = d > most;
+        most = (four)(((four_ints)d & more) | ((four_ints)most & ~more));
+        where = (index & more) | (where & ~more);
+    }
+    for (int k = 0; k < FOUR; k++)
+        if (most[k] > best || (most[k] == best && (uint32_t)where[k] < *at))
+            best = most[k], *at = (uint32_t)where[k];
+    for (; i < b; i++) {
+        float d = fabsf((p[i].x - c.x) * c.dy - (p[i].y - c.y) * c.dx);
+        if (d > best)
+            best = d, *at = i;
+    }
+    return best;
+}
 
 /* The greatest distance of the points between a and b from the line through these two, or from a
  * when they are less than 1 px apart (a closed chain); *at is where. */
 static float deviation(const arris_edge_point *p, uint32_t a, uint32_t b, uint32_t *at) {
-    float x = p[a].x, y = p[a].y, dx = p[b].x - x, dy = p[b].y - y, most = 0;
-    float length = sqrtf(dx * dx + dy * dy);
+    chord c = {p[a].x, p[a].y, p[b].x - p[a].x, p[b].y - p[a].y};
+    float length = sqrtf(c.dx * c.dx + c.dy * c.dy), most = 0;
     *at = a;
-    if (length < 1) {
-        for (uint32_t i = a + 1; i < b; i++) {
-            float ex = p[i].x - x, ey = p[i].y - y, d = ex * ex + ey * ey;
-            if (d > most)
-                most = d, *at = i;
-        }
-        return sqrtf(most);
+    if (length >= 1) {
+        c.dx /= length, c.dy /= length;
+        return farthest(p, a, b, c, at);
     }
-    dx /= length, dy /= length;
     for (uint32_t i = a + 1; i < b; i++) {
-        float d = fabsf((p[i].x - x) * dy - (p[i].y - y) * dx);
+        float ex = p[i].x - c.x, ey = p[i].y - c.y, d = ex * ex + ey * ey;
         if (d > most)
             most = d, *at = i;
     }
-    return most;
+    return sqrtf(most);
 }
 
 /* The found corners grow from the front of `corner`, the ends still to be reached from its back;
