@@ -156,7 +156,9 @@ static void place(rows *r, const stretch *s) {
         cell -= cell == STEP_PHASES;          /* rounded up */
         half = half < between ? half : between;
         shift[n] = part - ((float)cell + 0.5f) / STEP_PHASES;
-        r->place[n] = (row_place){i, before + 1, (uint8_t)half, (uint8_t)(STEP_PHASES - 1 - cell)};
+        r->place[n] =
+            (row_place){i, before + 1, (uint8_t)half,
+                        (uint8_t)((half - STEP_MIN) * STEP_PHASES + STEP_PHASES - 1 - cell)};
         bool kept = half >= STEP_MIN;
         pull += kept ? r->pulls[(int)((float)near * per_slant)] : 0;
         space += kept ? (uint32_t)half : 0;
@@ -258,18 +260,21 @@ static inline void filter_portable(const step_filter *f, const int16_t *px, eigh
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) static inline void
-filter_avx2(const step_filter *f, const int16_t *px, eight_ints *answer, eight_ints *square) {
-    __m256i all = _mm256_loadu_si256((const void *)px), sum = _mm256_setzero_si256();
-#pragma GCC unroll 8
-    for (int i = 0; i < STEP_WIDTH / 2; i++) {
-        int32_t pair;
-        memcpy(&pair, px + 2 * i, sizeof pair);
-        sum = _mm256_add_epi32(sum, _mm256_madd_epi16(_mm256_set1_epi32(pair),
-                                                      _mm256_loadu_si256((const void *)f->w[i])));
-    }
-    _mm256_storeu_si256((void *)answer, sum);
+AVX2_PATH static inline void filter_avx2(const step_filter *f, const int16_t *px,
+                                         eight_ints *answer, eight_ints *square) {
+    const __m256i *w = (const void *)f->w;
+    __m256i all = _mm256_loadu_si256((const void *)px);
+    __m256i a = _mm256_permute2x128_si256(all, all, 0x00);
+    __m256i b = _mm256_permute2x128_si256(all, all, 0x11);
+#define PAIR(half, k, i)                                                                           \
+    _mm256_madd_epi16(_mm256_shuffle_epi32(half, 0x55 * (k)), _mm256_loadu_si256(w + (i)))
+#define SUM(p, q) _mm256_add_epi32(p, q)
+    __m256i first = SUM(SUM(PAIR(a, 0, 0), PAIR(a, 1, 1)), SUM(PAIR(a, 2, 2), PAIR(a, 3, 3)));
+    __m256i second = SUM(SUM(PAIR(b, 0, 4), PAIR(b, 1, 5)), SUM(PAIR(b, 2, 6), PAIR(b, 3, 7)));
+    _mm256_storeu_si256((void *)answer, SUM(first, second));
     _mm256_storeu_si256((void *)square, _mm256_madd_epi16(all, all));
+#undef PAIR
+#undef SUM
 }
 #endif
 
@@ -282,29 +287,29 @@ INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t
     s->weight_tt += weight * (t * t);
     s->explained += *answers * *answers;
     s->step += f->sum;
-    s->tilt += f->response[STEP_CONTRAST] * f->tilt * (*answers)[STEP_SLOPE];
-    s->flare += f->response[STEP_BLUR] * f->flare * (*answers)[STEP_SLOPE];
+    s->tilt += f->tilt * (*answers)[STEP_SLOPE];
+    s->flare += f->flare * (*answers)[STEP_SLOPE];
     s->dof += f->dof;
 }
 
 /* `filters` are those of one scale. */
-INLINE void measure(rows *r, const step_filter (*filters)[STEP_PHASES], int base, int shift,
-                    filter *answer_to) {
+INLINE void measure(rows *r, const step_filter *filters, int base, int shift, filter *answer_to) {
     const float *t = (const float *)r->t;
     float *answer = (float *)r->answer, *response = (float *)r->response;
     float *gain = (float *)r->gain, *slopes = (float *)r->slopes, *unsure = (float *)r->unsure;
     float *by_kink = (float *)r->by_kink, *by_slope = (float *)r->by_slope;
     float unit = (float)(1 << shift), per_answer = unit / STEP_UNIT;
+    row_sums all = {0};
     for (uint32_t i = 0; i < r->n; i++) {
         const row_place *q = &r->place[i];
-        const step_filter *f = &filters[q->half - STEP_MIN][q->phase];
+        const step_filter *f = &filters[q->filter];
         int16_t px[STEP_WIDTH];
         eight_ints sum, square;
         fetch(r, q, base, shift, px);
         answer_to(f, px, &sum, &square);
         eight a = __builtin_convertvector(sum, eight) * per_answer;
-        add(&r->sum, f, &a, t[i]);
-        r->sum.squares += __builtin_convertvector(square, eight) * (unit * unit);
+        add(&all, f, &a, t[i]);
+        all.squares += __builtin_convertvector(square, eight) * (unit * unit);
         answer[i] = a[STEP_OFFSET];
         response[i] = f->response[STEP_OFFSET];
         gain[i] = f->gain;
@@ -312,24 +317,24 @@ INLINE void measure(rows *r, const step_filter (*filters)[STEP_PHASES], int base
         unsure[i] = f->unsure;
         by_kink[i] = f->by_kink, by_slope[i] = f->by_slope;
     }
+    r->sum = all;
 }
 
-static void measure_portable(rows *r, const step_filter (*f)[STEP_PHASES], int base, int shift) {
+static void measure_portable(rows *r, const step_filter *f, int base, int shift) {
     measure(r, f, base, shift, filter_portable);
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) static void
-measure_avx2(rows *r, const step_filter (*f)[STEP_PHASES], int base, int shift) {
+__attribute__((target("avx2"))) static void measure_avx2(rows *r, const step_filter *f, int base,
+                                                         int shift) {
     measure(r, f, base, shift, filter_avx2);
 }
 #endif
 
 void rows_measure(rows *r, int scale, int base, int shift) {
-    const step_filter(*filters)[STEP_PHASES] = r->steps->f[scale];
-    r->sum = (row_sums){0};
+    const step_filter *filters = r->steps->f[scale][0];
 #if defined(__x86_64__)
-    if (!r->portable && __builtin_cpu_supports("avx2")) {
+    if (HAS_AVX2 && !r->portable) {
         measure_avx2(r, filters, base, shift);
         return;
     }

@@ -84,8 +84,9 @@ static void make(step_filter *f, double s, int half, double shift) {
     f->kink = (float)kink;
     f->slope = (float)((slope - kink * dot(q[STEP_KINK], v[STEP_SLOPE])) / length[STEP_SLOPE]);
     f->unsure = sqrtf(1 + f->kink * f->kink + f->slope * f->slope) - 1;
-    f->tilt = (float)(dot(q[STEP_CONTRAST], v[STEP_SLOPE]) / length[STEP_SLOPE]);
-    f->flare = (float)(dot(q[STEP_BLUR], v[STEP_SLOPE]) / length[STEP_SLOPE]);
+    f->tilt =
+        (float)(length[STEP_CONTRAST] * dot(q[STEP_CONTRAST], v[STEP_SLOPE]) / length[STEP_SLOPE]);
+    f->flare = (float)(length[STEP_BLUR] * dot(q[STEP_BLUR], v[STEP_SLOPE]) / length[STEP_SLOPE]);
 }
 
 void step_init(step_table *t) {

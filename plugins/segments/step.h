@@ -38,9 +38,10 @@ typedef struct step_filter {
     float by_kink;     /* and per level per px */
     float by_slope;    /* the same */
     float unsure;      /* how much sigma grows, relatively, when that is taken out */
-    float tilt, flare; /* what the common slope adds to contrast and blur, per its own answer */
-    float sum;         /* of Phi over the row */
-    float dof;         /* pixels less filters */
+    /* what the common slope adds to the sums of contrast and blur (rows.h), per its own answer */
+    float tilt, flare;
+    float sum; /* of Phi over the row */
+    float dof; /* pixels less filters */
 } step_filter;
 
 typedef struct step_table {
