@@ -18,7 +18,7 @@
 #define END 2.0       /* px along the line that a row keeps from the line's end */
 #define BLOCK 32.0    /* px over which a bent line is a parabola, to 0.001 px */
 
-enum { PROBES = 4 };
+enum { PROBES = 4, BLOCK_LINES = 16, BLOCK_PIXELS = 32 };
 
 int rows_init(rows *r, int width, int height) {
     size_t n = (size_t)(width > height ? width : height) / LANES + 1;
@@ -216,31 +216,75 @@ static void fetch_some(const uint8_t *p, ptrdiff_t step, bool wide, int half, in
     }
 }
 
-INLINE bytes gather(const uint8_t *p, ptrdiff_t s) {
-    const uint8_t *q = p + 8 * s;
-    return (bytes){p[0], p[s], p[2 * s], p[3 * s], p[4 * s], p[5 * s], p[6 * s], p[7 * s],
-                   q[0], q[s], q[2 * s], q[3 * s], q[4 * s], q[5 * s], q[6 * s], q[7 * s]};
+/* Columns of the picture side by side, as rows: to walk down one column after another costs more.
+ */
+typedef struct block {
+    int32_t line, at; /* the first column, and the first pixel in each */
+    uint8_t column[BLOCK_LINES][BLOCK_PIXELS];
+} block;
+
+/* Transposes 16x16 bytes: four times, the two halves are shuffled into each other. */
+INLINE void transpose(bytes *v) {
+    for (int round = 0; round < 4; round++) {
+        bytes t[16];
+        for (int k = 0; k < 8; k++) {
+            t[2 * k] = __builtin_shufflevector(v[k], v[k + 8], 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5,
+                                               21, 6, 22, 7, 23);
+            t[2 * k + 1] = __builtin_shufflevector(v[k], v[k + 8], 8, 24, 9, 25, 10, 26, 11, 27, 12,
+                                                   28, 13, 29, 14, 30, 15, 31);
+        }
+        memcpy(v, t, sizeof t);
+    }
 }
 
-/* The pixels of a row as differences from the base; those that are not within its half are 0. */
-INLINE void fetch(const rows *r, const row_place *q, int base, int shift, int16_t *px) {
+static bool block_has(const block *b, const row_place *q) {
+    return q->line >= b->line && q->line < b->line + BLOCK_LINES && q->at >= b->at + STEP_HALF &&
+           q->at <= b->at + BLOCK_PIXELS - STEP_HALF;
+}
+
+/* Takes in the columns from that of `q` on, and the pixels that a line needs which goes on to
+ * greater places in them when `rising`. The picture is at least as large as a block. */
+__attribute__((noinline)) static void block_load(block *b, const arris_image *im,
+                                                 const row_place *q, bool rising) {
+    int at = rising ? q->at - STEP_HALF - 1 : q->at + STEP_HALF + 1 - BLOCK_PIXELS;
+    int last = im->width - BLOCK_LINES, end = im->height - BLOCK_PIXELS;
+    b->line = q->line < last ? q->line : last;
+    b->at = at < 0 ? 0 : at < end ? at : end;
+    for (int k = 0; k < BLOCK_PIXELS; k += 16) {
+        const uint8_t *p = im->data + (b->at + k) * im->stride + b->line;
+        bytes v[16];
+        for (int i = 0; i < 16; i++)
+            memcpy(&v[i], p + i * im->stride, sizeof v[i]);
+        transpose(v);
+        for (int i = 0; i < BLOCK_LINES; i++)
+            memcpy(b->column[i] + k, &v[i], sizeof v[i]);
+    }
+}
+
+/* The pixels of the i-th row as differences from the base; those that are not within its half are
+ * 0. */
+INLINE void fetch(const rows *r, uint32_t i, int base, int shift, block *b, int16_t *px) {
     const arris_image *im = r->image;
+    const row_place *q = &r->place[i];
     const int16_t *inside = r->steps->inside[q->half - STEP_MIN];
     ptrdiff_t size = (ptrdiff_t)im->format, step = r->columns ? im->stride : size;
     int width = r->columns ? im->height : im->width, at = q->at, half = q->half;
     const uint8_t *p = im->data + q->line * (r->columns ? size : im->stride);
-    if (at < STEP_HALF || at > width - STEP_HALF || size == 2) {
+    if (at < STEP_HALF || at > width - STEP_HALF || size == 2 ||
+        (r->columns && (im->width < BLOCK_LINES || im->height < BLOCK_PIXELS))) {
         fetch_some(p + (at - half) * step, step, size == 2, half, base, shift, px);
         return;
     }
-    bytes b;
-    p += (at - STEP_HALF) * step;
-    if (r->columns)
-        b = gather(p, step);
-    else
-        memcpy(&b, p, sizeof b);
+    p += at - STEP_HALF;
+    if (r->columns) {
+        if (!block_has(b, q))
+            block_load(b, im, q, r->place[r->n - 1].at >= r->place[0].at);
+        p = b->column[q->line - b->line] + (at - STEP_HALF - b->at);
+    }
+    bytes level;
+    memcpy(&level, p, sizeof level);
     for (int j = 0; j < STEP_WIDTH; j++)
-        px[j] = (int16_t)((b[j] - base) & inside[j]);
+        px[j] = (int16_t)((level[j] - base) & inside[j]);
 }
 
 /* The filters' answers to sixteen pixels, and the squares of these, in pairs. */
@@ -300,12 +344,14 @@ INLINE void measure(rows *r, const step_filter *filters, int base, int shift, fi
     float *by_kink = (float *)r->by_kink, *by_slope = (float *)r->by_slope;
     float unit = (float)(1 << shift), per_answer = unit / STEP_UNIT;
     row_sums all = {0};
+    block columns;
+    columns.line = -BLOCK_LINES; /* holds nothing */
     for (uint32_t i = 0; i < r->n; i++) {
         const row_place *q = &r->place[i];
         const step_filter *f = &filters[q->filter];
         int16_t px[STEP_WIDTH];
         eight_ints sum, square;
-        fetch(r, q, base, shift, px);
+        fetch(r, i, base, shift, &columns, px);
         answer_to(f, px, &sum, &square);
         eight a = __builtin_convertvector(sum, eight) * per_answer;
         add(&all, f, &a, t[i]);
