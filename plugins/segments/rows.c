@@ -160,7 +160,7 @@ static void place(rows *r, const stretch *s) {
             (row_place){i, before + 1, (uint8_t)half,
                         (uint8_t)((half - STEP_MIN) * STEP_PHASES + STEP_PHASES - 1 - cell)};
         bool kept = half >= STEP_MIN;
-        pull += kept ? r->pulls[(int)((float)near * per_slant)] : 0;
+        pull += r->pulls[(int)((float)near * per_slant)] * (float)kept;
         space += kept ? (uint32_t)half : 0;
         n += kept;
     }
