@@ -113,7 +113,7 @@ void canny_run(canny *c, const arris_image *im, arris_edges *out) {
     set_thresholds(c, &part, white, out->noise, &low, &high);
     gradient_edgels(&c->g, &part, shift, (float)(low / gradient_unit(shift)), (float)c->p.x,
                     (float)c->p.y, &c->e, c->path);
-    link_edgels(&c->l, &c->e, part.height);
+    link_edgels(&c->l, &c->e, part.height, c->path);
     link_chains(&c->l, &c->e, (float)high, (uint32_t)c->p.min_length, out);
     out->lost += c->e.lost;
 }

@@ -105,7 +105,7 @@ INLINE void mark(const int16_t *restrict up, const int16_t *restrict m,
 
 /* Appends the pixels of the middle of three rows whose bits are set, from column x on, but those
  * whose gradient is below `low`. */
-static void append(int16_t *const s[3], int16_t *const m[3], ptrdiff_t x, uint64_t bits,
+INLINE void append(int16_t *const s[3], int16_t *const m[3], ptrdiff_t x, uint64_t bits,
                    int32_t low, edgel_row *e) {
     const int16_t *up = s[0] + x, *mid = s[1] + x, *down = s[2] + x, *here = m[1] + x;
     const int16_t *before[] = {m[0] + x, here - 1}, *after[] = {m[2] + x, here + 1};

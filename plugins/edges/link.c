@@ -36,19 +36,22 @@ static uint8_t best_near(double x, double y, int bits) {
 
 /* The pixels that are two away and within 60 degrees of the direction. */
 static link_far sort_far(double x, double y) {
-    int pixel[LINK_FAR + 1] = {[LINK_FAR] = FAR * FAR / 2};
-    link_far f;
-    for (int i = 0, n = 0; i < FAR * FAR; i++) {
-        double cost = step_cost(i, FAR, x, y, 0.5);
-        if (cost == INFINITY || (abs(i % FAR - FAR / 2) < 2 && abs(i / FAR - FAR / 2) < 2))
-            continue;
-        int k = n++;
-        for (; k > 0 && step_cost(pixel[k - 1], FAR, x, y, 0.5) > cost; k--)
-            pixel[k] = pixel[k - 1];
-        pixel[k] = i;
+    link_far f = {.set = 0};
+    int pixel[LINK_FAR], n = 0;
+    for (int i = 0; i < FAR * FAR; i++)
+        if (step_cost(i, FAR, x, y, 0.5) < INFINITY &&
+            (abs(i % FAR - FAR / 2) == 2 || abs(i / FAR - FAR / 2) == 2))
+            pixel[n++] = i;
+    for (int k = 0; k < LINK_FAR; k++)
+        f.set |= UINT64_C(1) << (8 * (pixel[k] / FAR) + pixel[k] % FAR);
+    for (int bits = 0; bits < 1 << LINK_FAR; bits++) {
+        int best = FAR * FAR / 2;
+        for (int k = 0; k < LINK_FAR; k++)
+            if (bits >> k & 1 &&
+                step_cost(pixel[k], FAR, x, y, 0.5) < step_cost(best, FAR, x, y, 0.5))
+                best = pixel[k];
+        f.best[bits] = (uint8_t)(8 * (best / FAR) + best % FAR);
     }
-    for (int k = 0; k <= LINK_FAR; k++)
-        f.bit[k] = (uint8_t)(pixel[k] / FAR * 8 + pixel[k] % FAR);
     return f;
 }
 
@@ -107,20 +110,26 @@ static void enter_row(linker *l, const edgels *e, int y) {
     }
 }
 
-/* The best edgel two pixels from column x of row y, the middle one, where `bits` has a byte for
- * each of the five columns; the edgel there when there is none. */
-static inline uint32_t far_neighbour(const linker *l, const edgels *e, const link_far *f,
-                                     uint64_t bits, int x, int y) {
-    unsigned set = 1u << LINK_FAR; /* the middle */
-    for (int k = 0; k < LINK_FAR; k++)
-        set |= (unsigned)(bits >> f->bit[k] & 1) << k;
-    int best = f->bit[__builtin_ctz(set)], column = best / 8, row = best % 8;
-    return e->row[y + row - LINK_REACH] + l->index[row][x + column - LINK_REACH];
+/* Those of the bits that are in `set`, side by side. Every machine with AVX2 that path_available
+ * lets through has an instruction for it. */
+INLINE unsigned extract(uint64_t bits, uint64_t set, enum path path) {
+#if defined(__x86_64__)
+    if (path == PATH_AVX2) {
+        uint64_t found;
+        __asm__("pext %2, %1, %0" : "=r"(found) : "r"(bits), "r"(set));
+        return (unsigned)found;
+    }
+#endif
+    (void)path;
+    unsigned found = 0;
+    for (int k = 0; set; set &= set - 1, k++)
+        found |= (unsigned)(bits >> __builtin_ctzll(set) & 1) << k;
+    return found;
 }
 
 /* For edgel i of row y, the middle one, where none of the 3x3 pixels goes on. */
-static inline uint32_t link_far_end(const linker *l, const edgels *e, uint32_t i, int y,
-                                    const link_far *far) {
+INLINE uint32_t link_far_end(const linker *l, const edgels *e, uint32_t i, int y,
+                             const link_far *far, enum path path) {
     edgel a = e->item[i];
     uint64_t bits = 0;
     for (int row = 0; row < FAR; row++) {
@@ -128,21 +137,25 @@ static inline uint32_t link_far_end(const linker *l, const edgels *e, uint32_t i
         memcpy(&set, l->set[row] + a.x - LINK_REACH, sizeof set);
         bits |= set << row;
     }
-    return far_neighbour(l, e, &far[a.octant], bits, a.x, y);
+    far += a.octant;
+    int best = far->best[extract(bits, far->set, path)], column = best / 8, row = best % 8;
+    return e->row[y + row - LINK_REACH] + l->index[row][a.x + column - LINK_REACH];
 }
 
 /* The 3x3 pixels in the columns from x on. Little-endian, as all our targets are. */
-static inline unsigned near_bits(const uint8_t *up, const uint8_t *mid, const uint8_t *down,
-                                 unsigned x) {
+INLINE unsigned near_bits(const uint8_t *up, const uint8_t *mid, const uint8_t *down, unsigned x,
+                          enum path path) {
     uint32_t a, b, c;
     memcpy(&a, up + x, sizeof a);
     memcpy(&b, mid + x, sizeof b);
     memcpy(&c, down + x, sizeof c);
     a |= b << 1 | c << 2;
+    if (path == PATH_AVX2)
+        return extract(a, 0x070707, path);
     return (a & 7) | (a >> 5 & 7 << 3) | (a >> 10 & 7 << 6);
 }
 
-static void link_row(linker *l, const edgels *e, int y) {
+INLINE void link_row(linker *l, const edgels *e, int y, enum path path) {
     const uint8_t *up = l->set[1], *mid = l->set[2], *down = l->set[3];
     uint32_t *last = l->start, *first = l->start + l->width, n_last = 0, n_first = 0;
     uint32_t base[NEAR * NEAR];
@@ -155,7 +168,7 @@ static void link_row(linker *l, const edgels *e, int y) {
     }
     for (uint32_t i = e->row[y], n = e->row[y + 1]; i < n; i++) {
         unsigned x = e->item[i].x;
-        link_near to = l->near[e->item[i].octant][near_bits(up, mid, down, x - 1)];
+        link_near to = l->near[e->item[i].octant][near_bits(up, mid, down, x - 1, path)];
         l->to[i].next = base[to.next] + index[to.next][x];
         l->to[i].prev = base[to.prev] + index[to.prev][x];
         last[n_last] = i;
@@ -164,20 +177,33 @@ static void link_row(linker *l, const edgels *e, int y) {
         n_first += to.prev == MIDDLE;
     }
     for (uint32_t k = 0; k < n_last; k++)
-        l->to[last[k]].next = link_far_end(l, e, last[k], y, l->next_far);
+        l->to[last[k]].next = link_far_end(l, e, last[k], y, l->next_far, path);
     for (uint32_t k = 0; k < n_first; k++)
-        l->to[first[k]].prev = link_far_end(l, e, first[k], y, l->prev_far);
+        l->to[first[k]].prev = link_far_end(l, e, first[k], y, l->prev_far, path);
 }
 
 /* A row is taken up one before its bytes are read, so that they are sure to be stored by then. */
-void link_edgels(linker *l, const edgels *e, int height) {
+/* A row is taken up one before its bytes are read, so that they are sure to be stored by then. */
+INLINE void link_rows(linker *l, const edgels *e, int height, enum path path) {
     for (int k = 0; k < LINK_KEPT; k++)
         memset(l->set[k], 0, l->width);
     for (int y = 0; y < height; y++) {
         enter_row(l, e, y);
         if (y >= LINK_KEPT - LINK_REACH - 1)
-            link_row(l, e, y - (LINK_KEPT - LINK_REACH - 1));
+            link_row(l, e, y - (LINK_KEPT - LINK_REACH - 1), path);
     }
+}
+
+static void link_portable(linker *l, const edgels *e, int height) {
+    link_rows(l, e, height, PATH_VECTOR);
+}
+
+AVX2_PATH static void link_avx2(linker *l, const edgels *e, int height) {
+    link_rows(l, e, height, PATH_AVX2);
+}
+
+void link_edgels(linker *l, const edgels *e, int height, enum path path) {
+    (path == PATH_AVX2 ? link_avx2 : link_portable)(l, e, height);
 }
 
 /* ---- chains --------------------------------------------------------------------------------- */

@@ -20,10 +20,12 @@ typedef struct link_near {
     uint8_t next, prev;
 } link_near;
 
-/* Which of the 5x5 pixels go on where none of the 3x3 does, the best first, last the middle one: 8
- * times the column and the row. */
+/* Which of the 5x5 pixels go on where none of the 3x3 does: the set of them, 8 bits a column, and
+ * the best one of those that are edgels, taken in the order of their bits; for none the middle one.
+ */
 typedef struct link_far {
-    uint8_t bit[LINK_FAR + 1];
+    uint64_t set;
+    uint8_t best[1 << LINK_FAR]; /* 8 times the column and the row */
 } link_far;
 
 /* Along the edge, brighter side on the right; an edgel itself: none. */
@@ -49,7 +51,7 @@ int link_init(linker *l, int width, size_t max);
 void link_free(linker *l);
 
 /* Finds every edgel's neighbours. */
-void link_edgels(linker *l, const edgels *e, int height);
+void link_edgels(linker *l, const edgels *e, int height, enum path path);
 
 /* Appends to `out` the chains that have at least `min_length` points and one gradient of at least
  * `high` grey levels per px. Uses up the links. */

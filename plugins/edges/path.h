@@ -21,9 +21,9 @@ enum path { PATH_SCALAR, PATH_VECTOR, PATH_AVX2 };
 #endif
 
 #if defined(__x86_64__)
-#define AVX2_PATH __attribute__((target("avx2")))
+#define AVX2_PATH __attribute__((target("avx2,bmi,bmi2")))
 static inline bool path_available(enum path p) {
-    return p != PATH_AVX2 || __builtin_cpu_supports("avx2");
+    return p != PATH_AVX2 || (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2"));
 }
 #else
 #define AVX2_PATH
