@@ -13,8 +13,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#if defined(__SSE2__)
-#include <emmintrin.h>
+#if defined(__x86_64__)
+#include <immintrin.h>
 #endif
 
 enum {
@@ -90,16 +90,54 @@ INLINE bool any_above(const int16_t *m, int16_t least) {
     return most > least;
 }
 
-/* Marks what is above `least` and a maximum along its main axis, among CHUNK pixels. */
-INLINE void mark(const int16_t *restrict up, const int16_t *restrict m,
-                 const int16_t *restrict down, int16_t least, uint8_t *restrict mask) {
+/* The set of those of CHUNK pixels, in the middle one of three rows, that are above `least` and a
+ * maximum along their main axis. */
+typedef uint64_t marker(const int16_t *up, const int16_t *m, const int16_t *down, int16_t least);
+
+INLINE uint64_t mark(const int16_t *restrict up, const int16_t *restrict m,
+                     const int16_t *restrict down, int16_t least) {
+    uint8_t mask[CHUNK];
+    uint64_t bits = 0;
     for (int x = 0; x < CHUNK; x++) {
         int16_t c = m[x], h = (int16_t) - (c & 1);
         int16_t a = (int16_t)((h & m[x - 1]) | (~h & up[x]));
         int16_t b = (int16_t)((h & m[x + 1]) | (~h & down[x]));
-        mask[x] = (uint8_t) - ((c > least) & (c > a) & (c >= b));
+        mask[x] = (uint8_t)((c > least) & (c > a) & (c >= b));
     }
+    for (int i = 0; i < CHUNK; i += 8) {
+        uint64_t bytes;
+        memcpy(&bytes, mask + i, sizeof bytes);
+        bits |= bytes * 0x0102040810204080 >> 56 << i;
+    }
+    return bits;
 }
+
+#if defined(__x86_64__)
+AVX2_PATH static inline __m256i mark_sixteen(const int16_t *up, const int16_t *m,
+                                             const int16_t *down, __m256i least) {
+    __m256i c = _mm256_loadu_si256((const void *)m);
+    __m256i across = _mm256_srai_epi16(_mm256_slli_epi16(c, 15), 15);
+    __m256i a = _mm256_blendv_epi8(_mm256_loadu_si256((const void *)up),
+                                   _mm256_loadu_si256((const void *)(m - 1)), across);
+    __m256i b = _mm256_blendv_epi8(_mm256_loadu_si256((const void *)down),
+                                   _mm256_loadu_si256((const void *)(m + 1)), across);
+    __m256i above = _mm256_and_si256(_mm256_cmpgt_epi16(c, least), _mm256_cmpgt_epi16(c, a));
+    return _mm256_andnot_si256(_mm256_cmpgt_epi16(b, c), above);
+}
+
+AVX2_PATH static inline uint64_t mark_avx2(const int16_t *up, const int16_t *m, const int16_t *down,
+                                           int16_t least) {
+    __m256i low = _mm256_set1_epi16(least);
+    uint64_t bits = 0;
+    for (int x = 0; x < CHUNK; x += 32) {
+        __m256i a = mark_sixteen(up + x, m + x, down + x, low);
+        __m256i b = mark_sixteen(up + x + 16, m + x + 16, down + x + 16, low);
+        __m256i both = _mm256_permute4x64_epi64(_mm256_packs_epi16(a, b), 0xD8);
+        bits |= (uint64_t)(uint32_t)_mm256_movemask_epi8(both) << x;
+    }
+    return bits;
+}
+#endif
 
 /* ---- edgels --------------------------------------------------------------------------------- */
 
@@ -176,33 +214,15 @@ INLINE void append_row(const edgel_row *row, float unit, float x, float y, edgel
     e->n += (uint32_t)row->n;
 }
 
-/* The highest bits of CHUNK bytes. */
-INLINE uint64_t pack(const uint8_t *mask) {
-    uint64_t bits = 0;
-#if defined(__SSE2__)
-    for (int i = 0; i < CHUNK; i += 16) {
-        __m128i bytes = _mm_loadu_si128((const void *)(mask + i));
-        bits |= (uint64_t)(unsigned)_mm_movemask_epi8(bytes) << i;
-    }
-#else
-    for (int i = 0; i < CHUNK; i += 8) {
-        uint64_t bytes;
-        memcpy(&bytes, mask + i, sizeof bytes);
-        bits |= (bytes >> 7 & 0x0101010101010101) * 0x0102040810204080 >> 56 << i;
-    }
-#endif
-    return bits;
-}
-
 /* Finds those of a row, the middle of three, in the columns x0 to x1 - 1. */
-INLINE void find(gradient *g, int x0, int x1, int16_t low, uint32_t room, uint32_t *lost) {
+INLINE void find(gradient *g, int x0, int x1, int16_t low, uint32_t room, uint32_t *lost,
+                 marker *set) {
     int16_t least = (int16_t)(low - 2);
     g->found.n = 0;
     for (int x = x0; x < x1; x += CHUNK) {
         if (!any_above(g->m[1] + x, least))
             continue;
-        mark(g->m[0] + x, g->m[1] + x, g->m[2] + x, least, g->mask);
-        uint64_t bits = pack(g->mask);
+        uint64_t bits = set(g->m[0] + x, g->m[1] + x, g->m[2] + x, least);
         if (x1 - x < CHUNK)
             bits &= (UINT64_C(1) << (x1 - x)) - 1;
         if (room - (uint32_t)g->found.n >= CHUNK)
@@ -221,7 +241,7 @@ static void turn(int16_t **row, int n) {
 }
 
 INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, float dx, float dy,
-                 edgels *e) {
+                 edgels *e, marker *set) {
     int r = g->radius, w = im->width, h = im->height, edge = r + MARGIN;
     float unit = gradient_unit(shift);
     for (int y = 0; y < h; y++) {
@@ -236,7 +256,7 @@ INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, flo
         if (y >= 2 * r + 2)
             magnitude_row(g->s + 1, g->m[2], r + 1, w - r - 1);
         if (y >= 2 * r + 4) {
-            find(g, edge, w - edge, low, e->max - e->n, &e->lost);
+            find(g, edge, w - edge, low, e->max - e->n, &e->lost, set);
             append_row(&g->found, unit, dx, (float)(y - edge) + dy, e);
             e->row[y - edge + 1] = e->n;
         }
@@ -245,17 +265,21 @@ INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, flo
 
 SCALAR_PATH static void pass_scalar(gradient *g, const arris_image *im, int shift, int16_t low,
                                     float dx, float dy, edgels *e) {
-    pass(g, im, shift, low, dx, dy, e);
+    pass(g, im, shift, low, dx, dy, e, mark);
 }
 
 static void pass_vector(gradient *g, const arris_image *im, int shift, int16_t low, float dx,
                         float dy, edgels *e) {
-    pass(g, im, shift, low, dx, dy, e);
+    pass(g, im, shift, low, dx, dy, e, mark);
 }
 
 AVX2_PATH static void pass_avx2(gradient *g, const arris_image *im, int shift, int16_t low,
                                 float dx, float dy, edgels *e) {
-    pass(g, im, shift, low, dx, dy, e);
+#if defined(__x86_64__)
+    pass(g, im, shift, low, dx, dy, e, mark_avx2);
+#else
+    pass(g, im, shift, low, dx, dy, e, mark);
+#endif
 }
 
 void gradient_edgels(gradient *g, const arris_image *im, int shift, float low, float dx, float dy,
@@ -290,7 +314,7 @@ int gradient_init(gradient *g, int width, double sigma) {
     set_taps(g, sigma);
     size_t w = ((size_t)width + 2 * CHUNK) / CHUNK * CHUNK; /* a chunk may reach beyond a row */
     int n = 2 * g->radius + 1;
-    int16_t *p = g->memory = calloc((size_t)(n + 9) * w, sizeof *p);
+    int16_t *p = g->memory = calloc((size_t)(n + 8) * w, sizeof *p);
     if (!p)
         return ARRIS_E_MEMORY;
     for (int i = 0; i < n; i++, p += w)
@@ -302,7 +326,6 @@ int gradient_init(gradient *g, int width, double sigma) {
     for (int i = 0; i < n; i++)
         g->column[i] = p + i;
     g->vertical = p;
-    g->mask = (uint8_t *)(p + w);
     return 0;
 }
 

@@ -47,7 +47,6 @@ typedef struct gradient {
     int16_t *vertical;                                  /* a row smoothed in y only */
     const int16_t *column[2 * GRADIENT_MAX_RADIUS + 1]; /* the same from its i-th pixel on */
     edgel_row found;
-    uint8_t *mask;
     void *memory;
 } gradient;
 
