@@ -27,7 +27,7 @@ INLINE void set(uint64_t *bits, size_t stride, unsigned line, unsigned at) {
     bits[line * stride + at / 64 + 1] |= (uint64_t)1 << at % 64;
 }
 
-void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *lens) {
+INLINE void fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *lens) {
     float right = (float)width - 0.5f, bottom = (float)height - 0.5f;
     size_t row = c->stride[0] = words(width), column = c->stride[1] = words(height);
     uint64_t *by_row = c->bits[0], *by_column = c->bits[1];
@@ -46,4 +46,18 @@ void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arr
         set(by_row, row, line, at);
         set(by_column, column, at, line);
     }
+}
+
+static void fill_portable(crowd *c, const arris_edges *e, int width, int height,
+                          const arris_camera *lens) {
+    fill(c, e, width, height, lens);
+}
+
+AVX2_PATH static void fill_avx2(crowd *c, const arris_edges *e, int width, int height,
+                                const arris_camera *lens) {
+    fill(c, e, width, height, lens);
+}
+
+void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *lens) {
+    (HAS_AVX2 ? fill_avx2 : fill_portable)(c, e, width, height, lens);
 }

@@ -15,8 +15,8 @@
 #define INLINE static inline __attribute__((always_inline))
 
 #if defined(__x86_64__)
-#define AVX2_PATH __attribute__((target("avx2")))
-#define HAS_AVX2 __builtin_cpu_supports("avx2")
+#define AVX2_PATH __attribute__((target("avx2,bmi,bmi2")))
+#define HAS_AVX2 (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2"))
 #else
 #define AVX2_PATH
 #define HAS_AVX2 false

@@ -132,7 +132,7 @@ INLINE int room_inside(const stretch *s, int at, int width, float to_end) {
 }
 
 /* Appends the rows of a stretch that have room. */
-static void place(rows *r, const stretch *s) {
+INLINE void place(rows *r, const stretch *s) {
     int width = r->columns ? r->image->height : r->image->width;
     float *along = (float *)r->t, *across = (float *)r->across, *shift = (float *)r->shift;
     course u = s->u, t = s->t, c = s->across;
@@ -169,6 +169,14 @@ static void place(rows *r, const stretch *s) {
     r->room += space;
 }
 
+static void place_portable(rows *r, const stretch *s) {
+    place(r, s);
+}
+
+AVX2_PATH static void place_avx2(rows *r, const stretch *s) {
+    place(r, s);
+}
+
 /* Whether rows or columns cut the line, and how slantwise. */
 static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
     r->columns = false;
@@ -198,7 +206,7 @@ void rows_trace(rows *r, const row_line *l, double trim, float blur) {
         stretch s;
         double from = t0 + (t1 - t0) * k / blocks, to = t0 + (t1 - t0) * (k + 1) / blocks;
         if (stretch_make(r, l, from, to, blur, &s))
-            place(r, &s);
+            (HAS_AVX2 && !r->portable ? place_avx2 : place_portable)(r, &s);
     }
     fill_up(r);
 }

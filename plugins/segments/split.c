@@ -4,6 +4,8 @@
  */
 #include "split.h"
 
+#include "lanes.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -19,7 +21,7 @@ typedef struct chord {
 
 /* The greatest distance of the points between a and b from the chord; *at is the first where. Four
  * points are taken at a time, and each lane remembers its own greatest. */
-static float farthest(const arris_edge_point *p, uint32_t a, uint32_t b, chord c, uint32_t *at) {
+INLINE float farthest(const arris_edge_point *p, uint32_t a, uint32_t b, chord c, uint32_t *at) {
     four most = {0};
     four_ints where = {0}, index = {0, 1, 2, 3};
     uint32_t i = a + 1;
@@ -51,7 +53,7 @@ static float farthest(const arris_edge_point *p, uint32_t a, uint32_t b, chord c
 
 /* The greatest distance of the points between a and b from the line through these two, or from a
  * when they are less than 1 px apart (a closed chain); *at is where. */
-static float deviation(const arris_edge_point *p, uint32_t a, uint32_t b, uint32_t *at) {
+INLINE float deviation(const arris_edge_point *p, uint32_t a, uint32_t b, uint32_t *at) {
     chord c = {p[a].x, p[a].y, p[b].x - p[a].x, p[b].y - p[a].y};
     float length = sqrtf(c.dx * c.dx + c.dy * c.dy), most = 0;
     *at = a;
@@ -69,8 +71,8 @@ static float deviation(const arris_edge_point *p, uint32_t a, uint32_t b, uint32
 
 /* The found corners grow from the front of `corner`, the ends still to be reached from its back;
  * together they are never more than the points. */
-uint32_t split_chain(const arris_edge_point *p, uint32_t n, double tol, bool greedy,
-                     uint32_t *corner) {
+INLINE uint32_t split(const arris_edge_point *p, uint32_t n, double tol, bool greedy,
+                      uint32_t *corner) {
     uint32_t found = 0, top = n - 1, at;
     corner[found++] = 0;
     corner[top] = n - 1;
@@ -84,4 +86,19 @@ uint32_t split_chain(const arris_edge_point *p, uint32_t n, double tol, bool gre
         }
     }
     return found;
+}
+
+static uint32_t split_portable(const arris_edge_point *p, uint32_t n, double tol, bool greedy,
+                               uint32_t *corner) {
+    return split(p, n, tol, greedy, corner);
+}
+
+AVX2_PATH static uint32_t split_avx2(const arris_edge_point *p, uint32_t n, double tol, bool greedy,
+                                     uint32_t *corner) {
+    return split(p, n, tol, greedy, corner);
+}
+
+uint32_t split_chain(const arris_edge_point *p, uint32_t n, double tol, bool greedy,
+                     uint32_t *corner) {
+    return (HAS_AVX2 ? split_avx2 : split_portable)(p, n, tol, greedy, corner);
 }
