@@ -312,21 +312,27 @@ static inline void filter_portable(const step_filter *f, const int16_t *px, eigh
 }
 
 #if defined(__x86_64__)
+/* Pairs of pixels times their weights in the eight filters. */
+AVX2_PATH static inline __m256i products(__m256i pixels, const __m256i *w) {
+    return _mm256_madd_epi16(pixels, _mm256_loadu_si256(w));
+}
+
+AVX2_PATH static inline __m256i half_sum(__m256i half, const __m256i *w) {
+    __m256i a = products(_mm256_shuffle_epi32(half, 0x00), w);
+    __m256i b = products(_mm256_shuffle_epi32(half, 0x55), w + 1);
+    __m256i c = products(_mm256_shuffle_epi32(half, 0xAA), w + 2);
+    __m256i d = products(_mm256_shuffle_epi32(half, 0xFF), w + 3);
+    return _mm256_add_epi32(_mm256_add_epi32(a, b), _mm256_add_epi32(c, d));
+}
+
 AVX2_PATH static inline void filter_avx2(const step_filter *f, const int16_t *px,
                                          eight_ints *answer, eight_ints *square) {
     const __m256i *w = (const void *)f->w;
     __m256i all = _mm256_loadu_si256((const void *)px);
-    __m256i a = _mm256_permute2x128_si256(all, all, 0x00);
-    __m256i b = _mm256_permute2x128_si256(all, all, 0x11);
-#define PAIR(half, k, i)                                                                           \
-    _mm256_madd_epi16(_mm256_shuffle_epi32(half, 0x55 * (k)), _mm256_loadu_si256(w + (i)))
-#define SUM(p, q) _mm256_add_epi32(p, q)
-    __m256i first = SUM(SUM(PAIR(a, 0, 0), PAIR(a, 1, 1)), SUM(PAIR(a, 2, 2), PAIR(a, 3, 3)));
-    __m256i second = SUM(SUM(PAIR(b, 0, 4), PAIR(b, 1, 5)), SUM(PAIR(b, 2, 6), PAIR(b, 3, 7)));
-    _mm256_storeu_si256((void *)answer, SUM(first, second));
+    __m256i first = half_sum(_mm256_permute2x128_si256(all, all, 0x00), w);
+    __m256i second = half_sum(_mm256_permute2x128_si256(all, all, 0x11), w + 4);
+    _mm256_storeu_si256((void *)answer, _mm256_add_epi32(first, second));
     _mm256_storeu_si256((void *)square, _mm256_madd_epi16(all, all));
-#undef PAIR
-#undef SUM
 }
 #endif
 
@@ -379,8 +385,7 @@ static void measure_portable(rows *r, const step_filter *f, int base, int shift)
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) static void measure_avx2(rows *r, const step_filter *f, int base,
-                                                         int shift) {
+AVX2_PATH static void measure_avx2(rows *r, const step_filter *f, int base, int shift) {
     measure(r, f, base, shift, filter_avx2);
 }
 #endif
