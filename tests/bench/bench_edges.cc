@@ -7,14 +7,15 @@
  *     bench_edges [PICTURE.png ...]
  *
  * First the times, in those of cv::Canny with which each is run in turn, the median over pairs of
- * runs. Pictures are scaled to four sizes; beside those that are named, or a frame of the sample
- * scan, there are a plain one, one of pure noise, and a drawn one. Then the errors of isolated
+ * runs. Pictures are scaled to four sizes, and laid side by side where they are smaller, which
+ * makes them as dense as they come; beside those that are named, or a frame of the sample scan,
+ * there are a plain one, one of pure noise, and a drawn one. Then the errors of isolated
  * edges' offsets, in multiples of the Cramer-Rao bound.
  */
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <functional>
 #include <string>
 #include <vector>
@@ -37,16 +38,24 @@ const int PAIRS = 61, FEW_PAIRS = 7; /* of what takes more than SLOW */
 const double SLOW = 0.02;            /* s */
 const cv::Size SIZES[] = {{320, 240}, {640, 480}, {1280, 960}, {1920, 1080}};
 const int POSES = 100;
+const size_t NAME_WIDTH = 28;
 const char SAMPLE[] = "samples/box/frames/0000.png";
 
 /* ---- timing --------------------------------------------------------------------------------- */
 
 typedef std::function<void()> Run;
 
+/* Of this thread alone, so that what else the machine does has less of a say. */
+double now() {
+    timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
 double seconds(const Run &run) {
-    auto start = std::chrono::steady_clock::now();
+    double start = now();
     run();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return now() - start;
 }
 
 double median(std::vector<double> v) {
@@ -111,11 +120,22 @@ cv::Mat drawing(cv::Size size) {
     return with_noise(m, 2);
 }
 
-/* A copy at `size` whose rows start on 64-byte boundaries, as the runtime's pictures do. */
-cv::Mat scaled(const cv::Mat &grey, cv::Size size) {
+/* Room for a picture whose rows start on 64-byte boundaries, as the runtime's do. */
+cv::Mat aligned(cv::Size size) {
     cv::Mat wide(size.height + 1, (size.width + 63) / 64 * 64, CV_8U);
-    cv::Mat to = wide(cv::Rect({0, 0}, size));
+    return wide(cv::Rect({0, 0}, size));
+}
+
+cv::Mat scaled(const cv::Mat &grey, cv::Size size) {
+    cv::Mat to = aligned(size);
     cv::resize(grey, to, size, 0, 0, size.width < grey.cols ? cv::INTER_AREA : cv::INTER_LINEAR);
+    return to;
+}
+
+cv::Mat tiled(const cv::Mat &grey, cv::Size size) {
+    cv::Mat to = aligned(size), all;
+    cv::repeat(grey, size.height / grey.rows + 1, size.width / grey.cols + 1, all);
+    all(cv::Rect({0, 0}, size)).copyTo(to);
     return to;
 }
 
@@ -197,14 +217,15 @@ Lines edge_drawing(const cv::Mat &grey) {
 
 /* ---- speed ---------------------------------------------------------------------------------- */
 
-void contest(const char *name, const cv::Mat &picture, cv::Size size) {
-    cv::Mat grey = scaled(picture, size), theirs;
-    Ours ours(size);
+/* `grey` is as `aligned` makes them. */
+void contest(const std::string &name, const cv::Mat &grey) {
+    cv::Mat theirs;
+    Ours ours(grey.size());
     Run canny = [&] { cv::Canny(grey, theirs, 50, 150, 3, true); };
     Ratio edges = compare([&] { ours.find_edges(grey); }, canny);
     Ratio both = compare([&] { ours.find_segments(grey); }, canny);
-    std::printf("%4dx%-4d %-28s %9.3f %8.2f %8.2f %9.2f %8.2f %8.2f\n", grey.cols, grey.rows, name,
-                edges.theirs * 1e3, edges.ratio, both.ratio,
+    std::printf("%4dx%-4d %-34s %9.3f %8.2f %8.2f %9.2f %8.2f %8.2f\n", grey.cols, grey.rows,
+                name.c_str(), edges.theirs * 1e3, edges.ratio, both.ratio,
                 compare([&] { lsd(grey); }, canny).ratio, compare([&] { fld(grey); }, canny).ratio,
                 compare([&] { edge_drawing(grey); }, canny).ratio);
 }
@@ -267,24 +288,26 @@ void accuracy(double noise, double contrast, double length) {
 
 int main(int argc, char **argv) {
     cv::setNumThreads(1);
-    std::vector<const char *> files(argv + 1, argv + argc);
+    std::vector<std::string> files(argv + 1, argv + argc);
     if (files.empty())
         files.push_back(SAMPLE);
-    std::printf("times, in cv::Canny's\n%-38s %9s %8s %8s %9s %8s %8s\n", "picture", "Canny/ms",
+    std::printf("times, in cv::Canny's\n%-44s %9s %8s %8s %9s %8s %8s\n", "picture", "Canny/ms",
                 "edges", "+segments", "LSD", "FLD", "EDLines");
     for (cv::Size size : SIZES) {
         cv::Mat plain(size, CV_32F, cv::Scalar(128));
-        contest("plain", with_noise(plain, 0), size);
-        contest("noise of 5", with_noise(plain, 5), size);
-        contest("drawing", drawing(size), size);
-        for (const char *file : files) {
-            cv::Mat picture = read_png(file);
+        contest("plain", scaled(with_noise(plain, 0), size));
+        contest("noise of 5", scaled(with_noise(plain, 5), size));
+        contest("drawing", scaled(drawing(size), size));
+        for (const std::string &file : files) {
+            cv::Mat picture = read_png(file.c_str());
             if (picture.empty()) {
-                std::fprintf(stderr, "%s: no picture that libpng can read\n", file);
+                std::fprintf(stderr, "%s: no picture that libpng can read\n", file.c_str());
                 return 2;
             }
-            size_t length = std::strlen(file);
-            contest(file + (length > 28 ? length - 28 : 0), picture, size);
+            std::string name = file.substr(file.size() - std::min(file.size(), NAME_WIDTH));
+            contest(name, scaled(picture, size));
+            if (picture.cols < size.width)
+                contest(name + " tiled", tiled(picture, size));
         }
     }
     std::printf(
