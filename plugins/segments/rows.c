@@ -13,8 +13,8 @@
 #endif
 
 #define CLEAR 2.2     /* a neighbour's step is over at this many of its blurs */
-#define PULL 0.1      /* px by which a neighbour 3 px away moves an edge, about */
-#define PULL_FALL 1.2 /* px⁻¹ by which that falls */
+#define PULL 0.03     /* px by which a neighbour 3 px away moves an edge, about */
+#define PULL_FALL 2.2 /* px⁻¹ by which that falls */
 #define END 2.0       /* px along the line that a row keeps from the line's end */
 #define BLOCK 32.0    /* px over which a bent line is a parabola, to 0.001 px */
 
