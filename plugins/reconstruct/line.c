@@ -8,15 +8,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double GATE = 14;       /* chi-square of 2 degrees of freedom: one in a thousand */
-static const double FAR = 3;         /* px: a segment so far off is another edge's */
-static const double MOVED = 0.25;    /* squared sigmas after which all is linearised anew */
-static const double STANDS = 1e-6;   /* a step of fewer squared sigmas is the last one */
-static const double SWING = 0.02;    /* rad: seen from a narrower angle, it is not observable */
-static const double ALONG = 0.0175;  /* nor when it moves within a degree of itself */
-static const double PARALLAX = 0.1;  /* nor with a sigma above this share of its distance */
-static const double PRIOR_DOF = 10;  /* weight of the scene's scale against the line's own */
-static const double INDEPENDENT = 4; /* values of what is systematic, over all views */
+static const double GATE = 14;      /* chi-square of 2 degrees of freedom: one in a thousand */
+static const double FAR = 3;        /* px: a segment so far off is another edge's */
+static const double MOVED = 0.25;   /* squared sigmas after which all is linearised anew */
+static const double STANDS = 1e-6;  /* a step of fewer squared sigmas is the last one */
+static const double SWING = 5;      /* px of parallax: with less it is not observable */
+static const double ALONG = 0.0140; /* rad: nor when the camera moves this near its direction */
+static const double PARALLAX = 0.1; /* nor with a sigma above this share of its distance */
+static const double PRIOR_DOF = 10; /* weight of the scene's scale against the line's own */
+static const double SURROUNDINGS = 0.12; /* rad that the view turns until they look otherwise */
+static const double INDEPENDENT = 2.2;   /* values of what is systematic, at most */
 enum { ITERATIONS = 10 };
 
 void line_begin(line *l, int32_t id) {
@@ -53,11 +54,14 @@ static mat4 covariance(const line *l, double scale, double prior) {
 }
 
 /* The variance of the estimate over the stated one: by the size of the residuals and how they hang
- * together, and since what the profile leaves unexplained is systematic: it stays the same over
- * many views, and is but few independent values in any number of them. */
+ * together, and since what the profile leaves unexplained is systematic: it stays the same until
+ * the edge's surroundings look otherwise, so it is but few independent values in any number of
+ * views. */
 static double excess(const line *l, const scene *s) {
-    double systematic = fmax(l->all.misfit, 0) / INDEPENDENT;
-    return fmax(l->scale * (s->memory + systematic), l->drift);
+    double turn = (l->swing[1] - l->swing[0]) / SURROUNDINGS;
+    double values = fmin(fmax(turn, 1), INDEPENDENT);
+    double systematic = fmax(l->all.misfit, 0) / values, blend = l->blend * l->all.n / values;
+    return fmax(l->scale * (s->memory + systematic) + blend, l->drift);
 }
 
 mat4 line_covariance(const line *l, const scene *s, double prior, const double place[2]) {
@@ -133,7 +137,9 @@ bool line_observable(const line *l) {
     double swing = l->swing[1] - l->swing[0], worst = 0;
     for (int i = 0; i < 4; i++)
         worst = fmax(worst, l->cov.m[i][i] * l->scale);
-    return l->all.n >= 2 && swing > SWING && swing * l->depth > ALONG * line_baseline(l) &&
+    const double *plane = l->kept[0].plane;
+    double parallax = swing * sqrt(arris_dot(plane, plane));
+    return l->all.n >= 2 && parallax > SWING && swing * l->depth > ALONG * line_baseline(l) &&
            worst < PARALLAX * PARALLAX * l->depth * l->depth;
 }
 
@@ -146,9 +152,9 @@ static bool agrees(const line *l, linear *r, const mat4 *P) {
 }
 
 static info past(const line *l) {
-    info sum = l->past[0];
-    for (int i = 1; i < LINE_PARTS; i++)
-        info_sum(&sum, &l->past[i]);
+    info sum = {0};
+    for (uint32_t i = 0; i < l->n_kept; i++)
+        info_sum(&sum, &l->rest[i]);
     return sum;
 }
 
@@ -182,36 +188,45 @@ void line_refine(line *l, const scene *s) {
 }
 
 static void survey(line *l, const scene *s) {
+    info group[LINE_KEPT];
+    mat4 C;
     line_trim(l);
-    l->drift = line_drift(l, s);
+    line_groups(l, s, group);
+    l->drift = line_disagreement(group, l->n_kept, l->scale * s->memory, &C);
+    l->next_survey = l->seen + 1 + l->seen / 8;
 }
 
-/* Keeps the parts from .. to - 1 only. */
-static void cut(line *l, uint32_t from, uint32_t to) {
-    uint32_t first = from * LINE_PART, last = to * LINE_PART;
-    l->n_kept = (last < l->n_kept ? last : l->n_kept) - first;
+void line_weigh(line *l, const scene *s) {
+    gather(l, s);
+    update_scale(l, s);
+    survey(l, s);
+}
+
+void line_forget(line *l, uint32_t from, uint32_t to) {
+    uint32_t n = l->n_kept - to;
+    memmove(l->kept + from, l->kept + to, n * sizeof *l->kept);
+    memmove(l->inlier + from, l->inlier + to, n * sizeof *l->inlier);
+    memmove(l->rest + from, l->rest + to, n * sizeof *l->rest);
+    l->n_kept = from + n;
     l->seen = l->n_kept * l->stride;
-    memmove(l->kept, l->kept + first, l->n_kept * sizeof *l->kept);
-    memmove(l->inlier, l->inlier + first, l->n_kept * sizeof *l->inlier);
-    for (uint32_t i = 0; i < LINE_PARTS; i++)
-        l->past[i] = i < to - from ? l->past[i + from] : (info){0};
 }
 
-/* Where the views contradict each other, those of the best run remain. */
-static void settle_contradictions(line *l, const scene *s) {
-    uint32_t from, to;
-    if (l->settled && line_best_run(l, s, &from, &to)) {
-        cut(l, from, to);
-        if (past(l).n == 0)
-            line_fit(l, s);
-        else
-            line_refine(l, s);
+void line_resume(line *l, const scene *s, const double x[4]) {
+    l->rejected = 0;
+    if (l->n_kept == 0 || !x || past(l).n == 0) {
+        line_fit(l, s);
+        return;
     }
+    memcpy(l->x, x, sizeof l->x);
+    line_refine(l, s);
+    measure_motion(l);
+    l->settled = l->settled && line_observable(l);
+    survey(l, s);
 }
 
 /* Refines the estimate from l->f on; a second time because the first start may be far off. */
 static void fit_from_start(line *l, const scene *s) {
-    memset(l->past, 0, sizeof l->past);
+    memset(l->rest, 0, l->n_kept * sizeof *l->rest);
     memset(l->x, 0, sizeof l->x);
     l->ends[0] = -1, l->ends[1] = 1;
     line_refine(l, s);
@@ -236,19 +251,19 @@ void line_fit(line *l, const scene *s) {
 /* Drops every second kept view. */
 static void thin(line *l, const scene *s) {
     linear r;
-    for (uint32_t i = 1; l->settled && i < l->n_kept; i += 2)
-        if (l->inlier[i] && view_linearise(&l->kept[i], &l->f, l->x, &s->noise, &r))
-            info_add(&l->past[i / LINE_PART], &r, l->x);
-    for (int i = 0; i < LINE_PARTS / 2; i++) {
-        l->past[i] = l->past[2 * i];
-        info_sum(&l->past[i], &l->past[2 * i + 1]);
+    for (uint32_t i = 0; i < l->n_kept; i += 2) {
+        uint32_t k = i + 1, to = i / 2;
+        if (k < l->n_kept) {
+            info_sum(&l->rest[i], &l->rest[k]);
+            if (l->settled && l->inlier[k] &&
+                view_linearise(&l->kept[k], &l->f, l->x, &s->noise, &r))
+                info_add(&l->rest[i], &r, l->x);
+        }
+        l->rest[to] = l->rest[i];
+        l->kept[to] = l->kept[i];
+        l->inlier[to] = l->inlier[i];
     }
-    memset(l->past + LINE_PARTS / 2, 0, sizeof l->past / 2);
     l->n_kept = (l->n_kept + 1) / 2;
-    for (uint32_t i = 1; i < l->n_kept; i++) {
-        l->kept[i] = l->kept[2 * i];
-        l->inlier[i] = l->inlier[2 * i];
-    }
     l->stride *= 2;
 }
 
@@ -259,6 +274,7 @@ static int keep(line *l, const view *v, const scene *s) {
     if (l->n_kept == LINE_KEPT)
         thin(l, s);
     l->inlier[l->n_kept] = false;
+    l->rest[l->n_kept] = (info){0};
     l->kept[l->n_kept] = *v;
     return (int)l->n_kept++;
 }
@@ -274,7 +290,7 @@ static bool update(line *l, const view *v, int kept, const scene *s, linear *r) 
     if (kept >= 0)
         l->inlier[kept] = true;
     else
-        info_add(&l->past[(l->n_kept - 1) / LINE_PART], r, l->x);
+        info_add(&l->rest[l->n_kept - 1], r, l->x);
     l->depth = r->depth;
     step(l, s);
     widen(l, v->C);
@@ -291,7 +307,7 @@ bool line_add(line *l, const view *v, const scene *s, linear *r) {
     bool taken = l->settled && update(l, v, kept, s, r);
     if (!l->settled && l->seen >= l->next_fit)
         line_fit(l, s);
-    if (l->settled && l->seen >= l->next_trim)
+    if (l->settled && l->seen >= l->next_survey)
         survey(l, s);
     return taken;
 }
@@ -299,7 +315,6 @@ bool line_add(line *l, const view *v, const scene *s, linear *r) {
 void line_complete(line *l, const scene *s) {
     if (l->settled)
         line_refine(l, s);
-    settle_contradictions(l, s);
     if (l->settled)
         survey(l, s);
     else if (l->n_kept > 0)

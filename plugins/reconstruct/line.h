@@ -7,15 +7,15 @@
  * at view 10,000. A sample of at most LINE_KEPT views, spread over the whole past, is kept: when
  * the estimate moved by more than half a sigma, these are linearised anew; so is the start found,
  * by least median of squares, as the thesis wished for: up to half of the views may be of something
- * else. After that a view takes part when its chi-square is below a gate.
+ * else. After that a view takes part when its chi-square is below a gate. Where a track went over
+ * from one edge to another nearby, views contradict each other, and the line is split.
  */
 #ifndef LINE_H
 #define LINE_H
 
 #include "info.h"
 
-/* The kept views, and all others with their neighbours, are in parts by their order. */
-enum { LINE_KEPT = 64, LINE_PARTS = 8, LINE_PART = LINE_KEPT / LINE_PARTS };
+enum { LINE_KEPT = 64 };
 
 /* What all lines of a scan share. */
 typedef struct scene {
@@ -28,28 +28,29 @@ typedef struct scene {
 typedef struct line {
     int32_t id;
     bool settled;    /* the estimate is good enough to be updated view by view */
-    frame f;         /* reference of x; fixed once there is information in `past` */
+    frame f;         /* reference of x; fixed once there is information in `rest` */
     double x[4];     /* the estimate, mm */
     double depth;    /* of the line in the last view, mm */
     double prior;    /* mm; sigma of x before any view */
     double scale;    /* variance of the residuals over the stated one; at least 1 */
     double drift;    /* variance of what parts of the views say over the stated one; 0: unknown */
+    double blend;    /* variance of a view by an unresolved neighbour, over the stated one */
     double ends[2];  /* as places */
     double pixel[2]; /* mm that a pixel measures along it at its ends */
 
-    info all;              /* of all views that take part */
-    info past[LINE_PARTS]; /* of those of them that are not kept, by parts */
-    double at[4];          /* the estimate that the kept views were linearised about */
-    mat4 cov;              /* of x, by the stated variances */
+    info all;     /* of all views that take part */
+    double at[4]; /* the estimate that the kept views were linearised about */
+    mat4 cov;     /* of x, by the stated variances */
 
-    uint32_t seen, rejected;      /* views offered; views that failed the gate since it settled */
-    uint32_t next_fit, next_trim; /* when `seen` is this */
-    double first[3], last[3];     /* the outermost camera centres */
-    double swing[2];              /* range of the angle about the line that it was seen from, rad */
+    uint32_t seen, rejected;        /* views offered; views that failed the gate since it settled */
+    uint32_t next_fit, next_survey; /* when `seen` is this */
+    double first[3], last[3];       /* the outermost camera centres */
+    double swing[2]; /* range of the angle about the line that it was seen from, rad */
 
     uint32_t n_kept, stride; /* every stride-th view is kept */
     bool inlier[LINE_KEPT];
     view kept[LINE_KEPT];
+    info rest[LINE_KEPT]; /* of those views from a kept one to the next that take part */
 } line;
 
 /* Begins a line that no view has been added to. */
@@ -65,18 +66,37 @@ void line_fit(line *l, const scene *s);
 /* Repeats Gauss-Newton on all kept views until it stands. */
 void line_refine(line *l, const scene *s);
 
-/* Variance of what successive parts of the views say over what their stated variances let expect; 0
- * when the views are too few. */
-double line_drift(const line *l, const scene *s);
+/* Weighs the views anew by the scene's noise, where the estimate is. */
+void line_weigh(line *l, const scene *s);
 
-/* Finds the parts *from .. *to - 1 that tell where the line is better than all do, since those
- * contradict each other. False: all do it best. */
-bool line_best_run(const line *l, const scene *s, uint32_t *from, uint32_t *to);
+/* What every kept view says with the rest up to the next. */
+void line_groups(const line *l, const scene *s, info group[LINE_KEPT]);
+
+/* Variance of what successive parts of n groups say over what their stated variances let expect,
+ * where `expected` is the usual, and their estimate's covariance by the stated ones. 0 when the
+ * groups are too few. */
+double line_disagreement(const info *group, uint32_t n, double expected, mat4 *C);
+
+/* By how much the kept views contradict each other: chi-square, over the noise's, that a second
+ * line takes out of them. */
+double line_contradiction(const line *l, const scene *s);
+
+/* Parts a settled line whose views contradict each other. When they are of two edges, those of the
+ * one that tells less go to *other, a line of the same id, and this returns true; *last tells
+ * whether the newest views are among those. When they are of one edge that is seen worse for a
+ * while, those are dropped if the line is the better for it. */
+bool line_split(line *l, line *other, const scene *s, bool *last);
+
+/* Takes away the kept views from .. to - 1 and the rest that goes with them. */
+void line_forget(line *l, uint32_t from, uint32_t to);
+
+/* Fits the line after that, from x on where there is one, else from scratch. */
+void line_resume(line *l, const scene *s, const double x[4]);
 
 /* Finds the ends: the line reaches as far as a good part of the views saw it that could. */
 void line_trim(line *l);
 
-/* The best estimate that the views give, and its ends. */
+/* The best estimate that the views give, its ends and its drift. */
 void line_complete(line *l, const scene *s);
 
 /* Whether the motion tells where the line is: false when it was seen from too narrow an angle, when

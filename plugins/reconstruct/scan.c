@@ -10,18 +10,21 @@
 
 #include "line.h"
 #include "noise.h"
+#include "shift.h"
 
 typedef struct entry {
     line l;
     arris_line out;
-    bool tracked; /* by a track that is alive */
-    bool changed; /* got a view in this frame */
-    bool listed;  /* told of */
-    bool leaving; /* merged or retired; gone with the next frame */
-    uint32_t next_merge;
-    double residual; /* of this frame's view; 0: none */
-    double before;   /* of the frame before */
-    double told[6];  /* the ends when they were last said to have moved */
+    bool tracked;         /* by a track that is alive */
+    bool changed;         /* got a view in this frame */
+    bool listed;          /* told of */
+    bool leaving;         /* merged or retired; gone with the next frame */
+    bool judged;          /* whether to split it */
+    double contradiction; /* chi-square; see line_contradiction */
+    uint32_t next_merge;  /* when the line has seen so many views */
+    double residual;      /* of this frame's view; 0: none */
+    double before;        /* of the frame before */
+    double told[6];       /* the ends when they were last said to have moved */
 } entry;
 
 typedef struct link {
@@ -33,18 +36,25 @@ struct scan {
     scan_params p;
     scene scene;
     noise noise;
+    shifts *shifts;           /* for the end */
     entry *pool, **alive;     /* n in the order they came, then the free ones */
     uint32_t n, frames, lost; /* lost: in the last frame */
     uint32_t linked, refused; /* tracks of this frame; those that found no room */
     link *now, *before;       /* hashed by track: of this frame and of the one before */
     uint32_t mask;
+    int32_t splits;  /* lines that began by a split */
     double weighted; /* mm: the noise of the positions by which the lines were last weighted */
     uint32_t next_weighing; /* when `frames` is this */
 };
 
-enum { ESTABLISHED = 10 };                /* views after which a line is no accident */
-static const double CHANGED = 0.3;        /* relative, of the noise's variance */
-static const double INDISTINCT = 1e-5;    /* of the depth: less of it does not show */
+enum { ESTABLISHED = 10 };             /* views after which a line is no accident */
+enum { SPLIT = 1 << 30 };              /* the first id of a line that began by a split */
+enum { SHIFTS = 4096 };                /* frames whose poses are corrected apart */
+enum { ROUNDS = 16 };                  /* of splitting */
+static const double SUDDEN = 40;       /* chi-square over the noise's by which views contradict */
+static const double WORST = 0.9;       /* of the most */
+static const double CHANGED = 0.3;     /* relative, of the noise's variance */
+static const double INDISTINCT = 1e-5; /* of the depth: less of it does not show */
 static const double TYPICAL_DEPTH = 1000; /* mm, until a line is measured */
 
 scan *scan_new(const scan_params *p) {
@@ -56,13 +66,14 @@ scan *scan_new(const scan_params *p) {
         places *= 2;
     s->p = *p;
     s->mask = (uint32_t)places - 1;
-    s->scene = (scene){{p->pose_sigma, p->rot_sigma}, 1, 1, TYPICAL_DEPTH};
+    s->scene = (scene){{p->pose_sigma, p->rot_sigma, false}, 1, 1, TYPICAL_DEPTH};
     s->weighted = p->pose_sigma;
     s->pool = calloc(n, sizeof *s->pool);
     s->alive = calloc(n, sizeof(entry *));
     s->now = calloc(places, sizeof(link));
     s->before = calloc(places, sizeof(link));
-    if (!s->pool || !s->alive || !s->now || !s->before) {
+    s->shifts = shifts_new(SHIFTS);
+    if (!s->shifts || !s->pool || !s->alive || !s->now || !s->before) {
         scan_free(s);
         return NULL;
     }
@@ -78,6 +89,7 @@ void scan_free(scan *s) {
     free(s->alive);
     free(s->now);
     free(s->before);
+    shifts_free(s->shifts);
     free(s);
 }
 
@@ -92,17 +104,22 @@ static link *find(const scan *s, link *table, int32_t track) {
     return &table[i];
 }
 
+/* A line that nothing is told of yet. */
+static void prepare(const scan *s, entry *e, int32_t id) {
+    memset(&e->out, 0, sizeof *e - offsetof(entry, out));
+    e->l.id = e->out.id = id;
+    e->out.into = -1;
+    e->next_merge = (uint32_t)s->p.min_views;
+}
+
 static entry *begin(scan *s, int32_t track) {
     if (s->n == (uint32_t)s->p.max_lines) {
         s->refused++;
         return NULL;
     }
     entry *e = s->alive[s->n++];
-    memset(&e->out, 0, sizeof *e - offsetof(entry, out));
     line_begin(&e->l, track);
-    e->out.id = track;
-    e->out.into = -1;
-    e->next_merge = (uint32_t)s->p.min_views;
+    prepare(s, e, track);
     return e;
 }
 
@@ -119,10 +136,14 @@ void scan_add(scan *s, int32_t track, const view *v) {
     *find(s, s->now, track) = (link){track, e};
     s->linked++;
     e->tracked = true;
+    if (!v)
+        return;
     linear r;
-    if (v && line_add(&e->l, v, &s->scene, &r) && e->l.all.n > ESTABLISHED)
+    view here = *v;
+    here.frame = s->frames;
+    if (line_add(&e->l, &here, &s->scene, &r) && e->l.all.n > ESTABLISHED)
         e->residual = noise_add(&s->noise, v, &r, e->before);
-    e->changed |= v != NULL;
+    e->changed = true;
 }
 
 /* ---- one line per edge ---------------------------------------------------------------------- */
@@ -159,6 +180,44 @@ static void merge_with_others(scan *s, uint32_t index) {
             continue;
         merge(s, i < index ? o : e, i < index ? e : o);
     }
+}
+
+/* Two lines where the track went over to another edge; it goes on as that of the newest views. */
+static void split(scan *s, entry *e) {
+    bool last;
+    if (s->n == (uint32_t)s->p.max_lines)
+        return;
+    entry *o = s->alive[s->n];
+    if (!line_split(&e->l, &o->l, &s->scene, &last))
+        return;
+    prepare(s, o, SPLIT + s->splits++);
+    o->changed = true;
+    o->tracked = last && e->tracked;
+    if (last) {
+        relink(s, e, o);
+        e->tracked = false;
+    }
+    s->n++;
+}
+
+/* Splits the lines that contradict themselves the most, each once; the others may only look so, by
+ * their correction. False when there are none. */
+static bool split_worst(scan *s) {
+    double most = SUDDEN;
+    for (uint32_t i = 0; i < s->n; i++) {
+        entry *e = s->alive[i];
+        bool asked = e->listed && !e->leaving && !e->judged;
+        e->contradiction = asked ? line_contradiction(&e->l, &s->scene) : 0;
+        most = fmax(most, e->contradiction);
+    }
+    for (uint32_t i = 0, n = s->n; i < n && most > SUDDEN; i++) {
+        entry *e = s->alive[i];
+        if (e->contradiction < WORST * most)
+            continue;
+        e->judged = true;
+        split(s, e);
+    }
+    return most > SUDDEN;
 }
 
 static void merge_all(scan *s) {
@@ -311,6 +370,22 @@ void scan_end_frame(scan *s, bool counts) {
     next_frame(s);
 }
 
+/* Corrects the poses by what the lines say, and refines the lines by them. */
+static void correct(scan *s) {
+    shifts_begin(s->shifts, s->frames, &s->scene);
+    for (uint32_t i = 0; i < s->n; i++)
+        if (s->alive[i]->l.settled)
+            shifts_add(s->shifts, &s->alive[i]->l, &s->scene);
+    for (uint32_t i = 0; i < s->n; i++) {
+        line *l = &s->alive[i]->l;
+        shifts_set(s->shifts, l, &s->scene, l->settled);
+    }
+    s->scene.noise.corrected = true;
+    for (uint32_t i = 0; i < s->n; i++)
+        if (s->alive[i]->l.settled)
+            line_refine(&s->alive[i]->l, &s->scene);
+}
+
 void scan_finish(scan *s) {
     for (uint32_t i = 0; i < s->n; i++) {
         entry *e = s->alive[i];
@@ -322,10 +397,22 @@ void scan_finish(scan *s) {
     update_typical(s);
     for (uint32_t i = 0; i < s->n; i++)
         line_complete(&s->alive[i]->l, &s->scene);
+    double memory = s->scene.memory;
+    s->scene.memory = 1;
+    for (int i = 0; i < ROUNDS; i++) {
+        correct(s);
+        if (!split_worst(s))
+            break;
+    }
+    s->scene.memory = memory;
     merge_all(s);
     drop(s);
-    for (uint32_t i = 0; i < s->n; i++)
+    s->scene.noise.corrected = false;
+    for (uint32_t i = 0; i < s->n; i++) {
+        if (s->alive[i]->l.settled)
+            line_weigh(&s->alive[i]->l, &s->scene);
         tell(s, s->alive[i]);
+    }
 }
 
 void scan_write(const scan *s, arris_lines *out) {

@@ -76,6 +76,9 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
     v->to = fmax(v->to, v->half);
     set_covariance(v, s.cov);
     v->misfit = s.chi2 > 0 ? 1 - 1 / s.chi2 : 0;
+    v->frame = 0;
+    v->shift[0] = v->shift[1] = v->shift[2] = 0;
+    v->left = 1;
     return 0;
 }
 
@@ -95,24 +98,25 @@ void frame_point(const frame *f, const double x[4], double s, double P[3]) {
 }
 
 /* arris_line_at counts in units of the direction that it is given. */
-static double place(const view *v, const double M[3], const double D[3], double px) {
+static double place(const view *v, const double C[3], const double M[3], const double D[3],
+                    double px) {
     double d[3];
     for (int i = 0; i < 3; i++)
         d[i] = v->ray[i] + px * v->step[i];
-    return arris_line_at(M, D, v->C, d);
+    return arris_line_at(M, D, C, d);
 }
 
 double view_place(const view *v, const frame *f, const double x[4], double px) {
     double M[3], D[3];
     middle(f, x, M, D);
-    return place(v, M, D, px);
+    return place(v, v->C, M, D, px);
 }
 
 /* The variances at -half and half from those of offset and angle, to which the noise of the pose
  * adds: moving the camera by d moves the offset by plane d / depth, turning it moves the offset by
  * at most |plane| |ray| and turns the picture. */
 static void covariance(const view *v, const pose_noise *noise, linear *l) {
-    double position = noise->position / l->depth;
+    double position = noise->position * (noise->corrected ? v->left : 1) / l->depth;
     double rotation = noise->rotation * noise->rotation;
     double offset = v->cov[0] + arris_dot(v->plane, v->plane) *
                                     (position * position + arris_dot(v->ray, v->ray) * rotation);
@@ -126,8 +130,9 @@ static void covariance(const view *v, const pose_noise *noise, linear *l) {
 /* What v->plane would be for a segment that lies on the picture of the line M + s D. It is taken
  * for the derivatives in the place of v->plane: so they do not have the noise of the segment in
  * them, and are 0 in the directions of which the view tells nothing. */
-static void predicted_plane(const view *v, const double M[3], const double D[3], double plane[3]) {
-    double d[3] = {M[0] - v->C[0], M[1] - v->C[1], M[2] - v->C[2]};
+static void predicted_plane(const view *v, const double C[3], const double M[3], const double D[3],
+                            double plane[3]) {
+    double d[3] = {M[0] - C[0], M[1] - C[1], M[2] - C[2]};
     arris_cross(d, D, plane);
     double scale = arris_dot(v->plane, v->plane) / arris_dot(v->plane, plane);
     for (int i = 0; i < 3; i++)
@@ -136,15 +141,17 @@ static void predicted_plane(const view *v, const double M[3], const double D[3],
 
 bool view_linearise(const view *v, const frame *f, const double x[4], const pose_noise *noise,
                     linear *l) {
-    double M[3], D[3], P[3], plane[3];
+    double C[3], M[3], D[3], P[3], plane[3];
+    for (int i = 0; i < 3; i++)
+        C[i] = v->C[i] + (noise->corrected ? v->shift[i] : 0);
     middle(f, x, M, D);
-    predicted_plane(v, M, D, plane);
+    predicted_plane(v, C, M, D, plane);
     double a = arris_dot(plane, f->a), b = arris_dot(plane, f->b);
     l->depth = 0;
     for (int k = 0; k < 2; k++) {
-        double s = l->s[k] = place(v, M, D, k ? v->half : -v->half);
+        double s = l->s[k] = place(v, C, M, D, k ? v->half : -v->half);
         for (int i = 0; i < 3; i++)
-            P[i] = M[i] + s * D[i] - v->C[i];
+            P[i] = M[i] + s * D[i] - C[i];
         double z = arris_dot(v->axis, P);
         if (!(z > 0))
             return false;

@@ -24,6 +24,9 @@ typedef struct view {
     double from, to; /* px: the picture reaches from here to there along it */
     double cov[3];   /* of offset and angle, as of the segment: px², px rad, rad² */
     double misfit;   /* share of it that the edge's profile left unexplained */
+    uint32_t frame;  /* by number */
+    double shift[3]; /* mm: by how much C seems off, from what the frame's other lines say; */
+    double left;     /* and the share of the position's sigma that is left then */
 } view;
 
 /* Where a line's parameters are counted from: it passes X - h u + x[0] a + x[1] b and
@@ -36,6 +39,7 @@ typedef struct frame {
 /* The noise of the poses, of one view: 0 is none. */
 typedef struct pose_noise {
     double position, rotation; /* mm, rad */
+    bool corrected;            /* the camera is where the views' shifts put it */
 } pose_noise;
 
 /* A view, linear about some parameters: the distances r (px) of the line, to the right of the
