@@ -302,6 +302,11 @@ static bool update(line *l, const view *v, int kept, const scene *s, linear *r) 
     return true;
 }
 
+void line_align(const line *l, view *v) {
+    if (l->settled && view_place(v, &l->f, l->x, v->half) < view_place(v, &l->f, l->x, -v->half))
+        view_turn(v);
+}
+
 bool line_add(line *l, const view *v, const scene *s, linear *r) {
     int kept = keep(l, v, s);
     bool taken = l->settled && update(l, v, kept, s, r);

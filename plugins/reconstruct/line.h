@@ -56,6 +56,10 @@ typedef struct line {
 /* Begins a line that no view has been added to. */
 void line_begin(line *l, int32_t id);
 
+/* Turns a view that runs against the settled line: over a changing background an edge's polarity
+ * flips. */
+void line_align(const line *l, view *v);
+
 /* Adds a view. True when the line is settled and the view takes part; then *r is the view, linear
  * about the estimate before it, with its distance. */
 bool line_add(line *l, const view *v, const scene *s, linear *r);

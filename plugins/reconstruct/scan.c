@@ -40,6 +40,7 @@ struct scan {
     entry *pool, **alive;     /* n in the order they came, then the free ones */
     uint32_t n, frames, lost; /* lost: in the last frame */
     uint32_t linked, refused; /* tracks of this frame; those that found no room */
+    int32_t newest;           /* the highest track that ever was */
     link *now, *before;       /* hashed by track: of this frame and of the one before */
     uint32_t mask;
     int32_t splits;  /* lines that began by a split */
@@ -68,6 +69,7 @@ scan *scan_new(const scan_params *p) {
     s->mask = (uint32_t)places - 1;
     s->scene = (scene){{p->pose_sigma, p->rot_sigma, false}, 1, 1, TYPICAL_DEPTH};
     s->weighted = p->pose_sigma;
+    s->newest = -1;
     s->pool = calloc(n, sizeof *s->pool);
     s->alive = calloc(n, sizeof(entry *));
     s->now = calloc(places, sizeof(link));
@@ -123,16 +125,28 @@ static entry *begin(scan *s, int32_t track) {
     return e;
 }
 
-void scan_add(scan *s, int32_t track, const view *v) {
+/* The line of a track that is taken up again, or NULL. */
+static entry *earlier(const scan *s, int32_t track) {
+    for (uint32_t i = 0; track <= s->newest && i < s->n; i++)
+        if (s->alive[i]->out.id == track && !s->alive[i]->leaving)
+            return s->alive[i];
+    return NULL;
+}
+
+void scan_add(scan *s, int32_t track, view *v) {
     entry *e = find(s, s->before, track)->e;
     if (s->linked > s->mask / 2) {
         s->refused++;
         return;
     }
-    if (!e && v)
+    if (!e && v && !(e = earlier(s, track)))
         e = begin(s, track);
+    if (track > s->newest)
+        s->newest = track;
     if (!e)
         return;
+    if (v)
+        line_align(&e->l, v);
     *find(s, s->now, track) = (link){track, e};
     s->linked++;
     e->tracked = true;

@@ -82,6 +82,16 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
     return 0;
 }
 
+void view_turn(view *v) {
+    double from = v->from;
+    for (int i = 0; i < 3; i++) {
+        v->step[i] = -v->step[i];
+        v->plane[i] = -v->plane[i];
+    }
+    v->from = -v->to, v->to = -from;
+    v->cov[1] = -v->cov[1];
+}
+
 /* The line is M + s D. */
 static void middle(const frame *f, const double x[4], double M[3], double D[3]) {
     for (int i = 0; i < 3; i++) {

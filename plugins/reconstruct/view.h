@@ -57,6 +57,9 @@ typedef struct linear {
 int view_make(view *v, const arris_segment *segment, const arris_camera *c, const arris_pose *pose,
               const double picture[4]);
 
+/* The same view of an edge whose polarity is the other: it runs the other way. */
+void view_turn(view *v);
+
 /* The point of the line at s. */
 void frame_point(const frame *f, const double x[4], double s, double P[3]);
 
