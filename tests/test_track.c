@@ -35,7 +35,8 @@ static double normal(void) {
 }
 
 static tracker *begin(int32_t max_tracks) {
-    tracker *t = tracker_new(&(tracker_params){.box = 5, .max_gap = 5, .max_tracks = max_tracks});
+    tracker *t = tracker_new(&(tracker_params){
+        .box = 5, .near = 100, .far = 10000, .max_gap = 5, .max_tracks = max_tracks});
     assert_non_null(t);
     segments = (arris_segments){.max = MOST, .item = item};
     tracks = (arris_tracks){.max = MOST, .item = found};
@@ -53,7 +54,7 @@ static void put(double x1, double y1, double x2, double y2) {
 }
 
 static void run(tracker *t) {
-    tracker_run(t, &segments, &tracks);
+    tracker_run(t, &segments, NULL, &tracks);
     segments.n = 0;
 }
 
@@ -345,6 +346,20 @@ static void points_and_nan_start_nothing_that_lasts(void **state) {
  */
 
 static const arris_camera camera = {320, 240, 380, 378, 0.5, 158.5, 121, 0, 0, 0, 0, 0};
+static const arris_pose origin = {.valid = true, .R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+static const viewpoint here = {&camera, &origin, 0.3, 2e-4};
+
+static void run_here(tracker *t) {
+    tracker_run(t, &segments, &here, &tracks);
+    segments.n = 0;
+}
+
+static void foresee_at(tracker *t, int32_t line, double x1, double y1, double x2, double y2) {
+    arris_segment where = {.x1 = x1, .y1 = y1, .x2 = x2, .y2 = y2};
+    forecast f = forecast_box(&where, 1.5);
+    f.line = true;
+    tracker_foresee(t, line, &f, 800);
+}
 
 /* A grid of pitch 9 px that jumps by any amount: the picture alone can't tell which line is which.
  */
@@ -356,12 +371,11 @@ static void foreseen_lines_are_told_apart_in_a_grid(void **state) {
         double shift = i ? 60 * uniform() - 30 : 0;
         for (int k = 0; k < 20; k++) {
             double x = 70 + 9 * k + shift;
-            arris_segment where = {.x1 = x, .y1 = 40, .x2 = x + 3, .y2 = 200};
-            tracker_foresee(t, k, &where, 1.5);
+            foresee_at(t, k, x, 40, x + 3, 200);
             put(x, 40, x + 3, 200);
         }
-        tracker_foresee(t, 99, &item[0], 1.5); /* there is no such track */
-        run(t);
+        foresee_at(t, 99, 70, 40, 73, 200); /* there is no such track */
+        run_here(t);
         assert_sound(20);
         for (int k = 0; k < 20; k++)
             assert_int_equal(track_of(k), k);
@@ -377,35 +391,138 @@ static void foresight_ends_with_the_frame(void **state) {
     for (int i = 0; i < 12; i++) {
         put(50 + 2 * i, 40, 52 + 2 * i, 200);
         if (i == 5)
-            tracker_foresee(t, 0, &item[0], 1.5);
+            foresee_at(t, 0, item[0].x1, item[0].y1, item[0].x2, item[0].y2);
         run(t);
         assert_int_equal(track_of(0), 0);
     }
     tracker_free(t);
 }
 
+/* A track that is long gone comes back under its id where its line is foreseen, and only there; and
+ * ids still ascend. */
+static void a_line_is_taken_up_again(void **state) {
+    (void)state;
+    tracker *t = begin(10);
+    for (int i = 0; i < 60; i++) {
+        bool hidden = i >= 10 && i < 40;
+        put(200, 40, 210, 200);
+        if (!hidden)
+            put(100, 40, 110, 200);
+        if (i == 20)
+            put(103, 40, 113, 200); /* 3 px off: another line */
+        if (i > 5) {
+            foresee_at(t, 0, 200, 40, 210, 200);
+            foresee_at(t, 1, 100, 30, 110, 210);
+        }
+        run_here(t);
+        assert_int_equal(track_of(0), 0);
+        if (!hidden)
+            assert_int_equal(track_of(1), 1);
+        if (i == 20)
+            assert_int_equal(track_of(1), 2);
+        for (uint32_t k = 1; k < tracks.n; k++)
+            assert_true(found[k].id > found[k - 1].id);
+    }
+    assert_int_equal(tracks.total, 3);
+    tracker_free(t);
+}
+
+/* Two tracks whose lines were found to be one: the younger is looked for where that is. */
+static void a_merged_track_follows_its_line(void **state) {
+    (void)state;
+    tracker *t = begin(10);
+    put(100, 40, 110, 200);
+    run_here(t);
+    for (int i = 0; i < 10; i++)
+        run_here(t); /* gone */
+    put(200, 40, 210, 200);
+    run_here(t);
+    tracker_merge(t, 1, 0);
+    for (int i = 0; i < 20; i++) {
+        double x = 300 * uniform();
+        put(x, 40, x + 10, 200);
+        foresee_at(t, 0, x, 40, x + 10, 200);
+        run_here(t);
+        assert_int_equal(tracks.n, 1);
+        assert_int_equal(found[0].id, 1);
+    }
+    tracker_free(t);
+}
+
+/* Only where a 3D line is known, an edge may turn from dark-bright to bright-dark. */
+static void a_known_line_may_flip(void **state) {
+    (void)state;
+    for (int known = 0; known < 2; known++) {
+        tracker *t = begin(10);
+        for (int i = 0; i < 20; i++) {
+            bool flipped = i >= 10;
+            if (flipped)
+                put(110, 200, 100, 40);
+            else
+                put(100, 40, 110, 200);
+            item[0].lo = flipped ? 80 : 20; /* what is on the right is the object */
+            item[0].hi = 80;
+            if (flipped)
+                item[0].hi = 140;
+            if (known)
+                foresee_at(t, 0, 100, 40, 110, 200);
+            run_here(t);
+            assert_int_equal(track_of(0), known || !flipped ? 0 : 1);
+        }
+        tracker_free(t);
+    }
+}
+
 static void a_line_is_foreseen_where_it_projects(void **state) {
     (void)state;
     arris_line l = {.state = ARRIS_MEASURED, .p = {-20, -100, 900}, .q = {30, 120, 820}};
     arris_pose pose = {.valid = true, .C = {40, 5, 10}};
-    arris_segment s;
-    double x, y, reach;
+    forecast f;
+    double x, y, z, depth;
     arris_camera lens = camera;
     lens.k1 = -0.2;
     arris_rotation(0.05, -0.1, 0.2, pose.R);
-    l.cov[0] = l.cov[6] = l.cov[11] = 0.09; /* p is known to 0.3 mm */
-    assert_true(foresee(&l, &lens, &pose, 4, &s, &reach));
+    viewpoint v = {&lens, &pose, 0, 0};
+    l.cov[0] = l.cov[6] = l.cov[11] = 0.09; /* p is known to 0.3 mm, q exactly */
+    assert_true(foresee(&l, &v, &f, &depth));
     assert_true(arris_project(&lens, &pose, l.q, &x, &y) > 0);
     arris_distort(&lens, x, y, &x, &y);
-    assert_true(fabs(s.x2 - x) < 1e-9);
-    assert_true(fabs(s.y2 - y) < 1e-9);
-    double z = arris_project(&lens, &pose, l.p, &x, &y);
-    assert_true(fabs(reach - 4 * 380 * 0.3 / z) < 1e-9);
+    assert_true(fabs(f.where.x2 - x) < 1e-9);
+    assert_true(fabs(f.where.y2 - y) < 1e-9);
+    z = arris_project(&lens, &pose, l.p, &x, &y);
+    double detected = f.cov[2]; /* nothing but what a segment may be off */
+    assert_true(fabs(f.cov[0] - detected - pow(380 * 0.3 / z, 2)) < 1e-9);
+    assert_true(fabs(f.cov[1] - detected) < 1e-9);
+    l.cov[3] = l.cov[9] = l.cov[14] = 0.09; /* q is off as p is */
+    l.cov[15] = l.cov[18] = l.cov[20] = 0.09;
+    assert_true(foresee(&l, &v, &f, &depth));
+    assert_true(fabs((f.cov[1] - detected) / sqrt((f.cov[0] - detected) * (f.cov[2] - detected)) -
+                     1) < 1e-9);
+    double shared = f.cov[1];
+    v.position = 1;
+    assert_true(foresee(&l, &v, &f, &depth));
+    assert_true(fabs(f.cov[1] - shared - pow(380 / depth, 2)) < 1e-9);
     l.state = ARRIS_UNOBSERVABLE;
-    assert_false(foresee(&l, &lens, &pose, 4, &s, &reach));
+    assert_false(foresee(&l, &v, &f, &depth));
     l.state = ARRIS_WEAK;
-    l.q[2] = -100; /* behind the camera */
-    assert_false(foresee(&l, &lens, &pose, 4, &s, &reach));
+    l.p[2] = l.q[2] = -100; /* behind the camera */
+    assert_false(foresee(&l, &v, &f, &depth));
+    l.p[2] = l.q[2] = 900;
+    l.p[0] = l.q[0] = 4000; /* beside its picture */
+    assert_false(foresee(&l, &v, &f, &depth));
+}
+
+/* A rail that passes under the camera: what is in front of it is foreseen, on its line. */
+static void what_is_in_front_is_foreseen(void **state) {
+    (void)state;
+    arris_line l = {.state = ARRIS_MEASURED, .p = {-60, 100, -400}, .q = {-60, 100, 2000}};
+    forecast f;
+    double depth, x, y, P[3] = {-60, 100, 1000};
+    assert_true(foresee(&l, &here, &f, &depth));
+    arris_project(&camera, &origin, P, &x, &y);
+    double dx = f.where.x2 - f.where.x1, dy = f.where.y2 - f.where.y1;
+    assert_true(fabs((y - f.where.y1) * dx - (x - f.where.x1) * dy) / hypot(dx, dy) < 1e-9);
+    assert_true(hypot(dx, dy) > 500); /* from below the picture to the horizon */
 }
 
 int main(void) {
@@ -427,7 +544,11 @@ int main(void) {
         cmocka_unit_test(points_and_nan_start_nothing_that_lasts),
         cmocka_unit_test(foreseen_lines_are_told_apart_in_a_grid),
         cmocka_unit_test(foresight_ends_with_the_frame),
+        cmocka_unit_test(a_line_is_taken_up_again),
+        cmocka_unit_test(a_merged_track_follows_its_line),
+        cmocka_unit_test(a_known_line_may_flip),
         cmocka_unit_test(a_line_is_foreseen_where_it_projects),
+        cmocka_unit_test(what_is_in_front_is_foreseen),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -6,30 +6,77 @@
 
 #include <math.h>
 
-/* Variance of the end P of a line, with covariance cov, along the unit vector n, mm². `end` is 0
- * for p, 1 for q. */
-static double variance_along(const double cov[21], int end, const double n[3]) {
+static const double DETECTED = 0.3; /* px: sigma of a segment across, whatever it says itself */
+static const double GRAZING = 0.02; /* of the farther end's depth: nothing nearer is looked at */
+
+void blur_forecast(const viewpoint *v, double depth, forecast *f) {
+    double px = v->camera->fx, shift = px * v->position / depth, turn = px * v->rotation;
+    double var = DETECTED * DETECTED + shift * shift + turn * turn;
+    for (int i = 0; i < 3; i++)
+        f->cov[i] += var;
+}
+
+/* n' C n of the 3x3 block (i, j) of the covariance of (p, q), of which the upper triangle is given.
+ */
+static double along(const double cov[21], int i, int j, const double n[3]) {
     double sum = 0;
-    for (int i = 0, k = 0; i < 6; i++)
-        for (int j = i; j < 6; j++, k++)
-            if (i / 3 == end && j / 3 == end)
-                sum += (i == j ? 1 : 2) * cov[k] * n[i % 3] * n[j % 3];
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            int row = 3 * i + a, column = 3 * j + b;
+            int least = row < column ? row : column, most = row + column - least;
+            sum += cov[least * (11 - least) / 2 + most] * n[a] * n[b];
+        }
     return sum;
 }
 
-bool foresee(const arris_line *l, const arris_camera *c, const arris_pose *pose, double sigmas,
-             arris_segment *where, double *reach) {
-    double e[4], n[3], z[2], worst = 0;
-    if (l->state == ARRIS_UNOBSERVABLE || l->change == ARRIS_MERGED || l->change == ARRIS_RETIRED)
-        return false;
-    z[0] = arris_project(c, pose, l->p, &e[0], &e[1]);
-    z[1] = arris_project(c, pose, l->q, &e[2], &e[3]);
-    if (!(z[0] > 0) || !(z[1] > 0) || arris_view_plane(c, pose, e, n))
-        return false;
+/* What is in front of the camera, as places between p (0) and q (1); z is their depths. */
+static bool in_front(const arris_line *l, const arris_pose *pose, double place[2], double z[2]) {
+    const double *end[2] = {l->p, l->q};
+    for (int i = 0; i < 2; i++) {
+        double d[3];
+        for (int k = 0; k < 3; k++)
+            d[k] = end[i][k] - pose->C[k];
+        z[i] = arris_dot(pose->R + 6, d);
+        place[i] = i;
+    }
+    double least = GRAZING * fmax(z[0], z[1]), slope = z[1] - z[0];
     for (int i = 0; i < 2; i++)
-        worst = fmax(worst, variance_along(l->cov, i, n) / (z[i] * z[i]));
-    *reach = sigmas * c->fx * sqrt(worst);
-    arris_distort(c, e[0], e[1], &where->x1, &where->y1);
-    arris_distort(c, e[2], e[3], &where->x2, &where->y2);
-    return isfinite(*reach + where->x1 + where->y1 + where->x2 + where->y2);
+        if (z[i] < least && slope != 0)
+            place[i] += (least - z[i]) / slope, z[i] = least;
+    return least > 0;
+}
+
+static bool in_picture(const arris_camera *c, const arris_segment *s) {
+    return fmax(s->x1, s->x2) > 0 && fmin(s->x1, s->x2) < c->width && fmax(s->y1, s->y2) > 0 &&
+           fmin(s->y1, s->y2) < c->height;
+}
+
+bool foresee(const arris_line *l, const viewpoint *v, forecast *f, double *depth) {
+    double place[2], z[2], e[4], n[3], w[2];
+    if (l->state == ARRIS_UNOBSERVABLE || l->change == ARRIS_MERGED || l->change == ARRIS_RETIRED ||
+        !in_front(l, v->pose, place, z))
+        return false;
+    for (int i = 0; i < 2; i++) {
+        double P[3];
+        for (int k = 0; k < 3; k++)
+            P[k] = l->p[k] + place[i] * (l->q[k] - l->p[k]);
+        arris_project(v->camera, v->pose, P, &e[2 * i], &e[2 * i + 1]);
+        w[i] = v->camera->fx / z[i];
+    }
+    if (arris_view_plane(v->camera, v->pose, e, n))
+        return false;
+    double pp = along(l->cov, 0, 0, n), pq = along(l->cov, 0, 1, n), qq = along(l->cov, 1, 1, n);
+    *f = (forecast){.line = true};
+    for (int i = 0; i < 3; i++) {
+        double a = place[i / 2], b = place[(i + 1) / 2];
+        f->cov[i] = w[i / 2] * w[(i + 1) / 2] *
+                    ((1 - a) * (1 - b) * pp + (a + b - 2 * a * b) * pq + a * b * qq);
+    }
+    *depth = (z[0] + z[1]) / 2;
+    blur_forecast(v, *depth, f);
+    arris_distort(v->camera, e[0], e[1], &f->where.x1, &f->where.y1);
+    arris_distort(v->camera, e[2], e[3], &f->where.x2, &f->where.y2);
+    return isfinite(f->cov[0] + f->cov[1] + f->cov[2] + f->where.x1 + f->where.y1 + f->where.x2 +
+                    f->where.y2) &&
+           in_picture(v->camera, &f->where);
 }

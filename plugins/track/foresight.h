@@ -6,11 +6,20 @@
 #define FORESIGHT_H
 
 #include "arris_geometry.h"
+#include "forecast.h"
 
-/* The segment that the line makes in the picture of the camera at `pose`, its lens included, and
- * how far off across itself it may be, px: `sigmas` of the line's own uncertainty at the worse end.
- * False when the line is not known, or an end of it is not in front of the camera. */
-bool foresee(const arris_line *l, const arris_camera *c, const arris_pose *pose, double sigmas,
-             arris_segment *where, double *reach);
+/* A camera at a pose of which this much is not known. */
+typedef struct viewpoint {
+    const arris_camera *camera;
+    const arris_pose *pose;
+    double position, rotation; /* sigma of the pose, mm and rad */
+} viewpoint;
+
+/* Adds what the pose leaves open to the forecast of a line at this depth, mm. */
+void blur_forecast(const viewpoint *v, double depth, forecast *f);
+
+/* What the line looks like from there, its lens included, and its depth in the middle, mm. False
+ * when the line is not known, or it is not in front of the camera or outside of its picture. */
+bool foresee(const arris_line *l, const viewpoint *v, forecast *f, double *depth);
 
 #endif

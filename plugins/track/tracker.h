@@ -1,17 +1,18 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * tracker.h: which segment continues which track, from the picture alone (the thesis's box) and
- * from what is foreseen of the tracks. No dependency on the runtime.
+ * tracker.h: which segment continues which track: from the poses and what is known of the lines, or
+ * from the picture alone. No dependency on the runtime.
  */
 #ifndef TRACKER_H
 #define TRACKER_H
 
-#include "arris_types.h"
+#include "foresight.h"
 
 typedef struct tracker tracker;
 
 typedef struct tracker_params {
-    double box;         /* px: half the side of the box around a predicted end point */
+    double box;         /* px: half the side of the box around an end point as the motion has it */
+    double near, far;   /* mm: the depths that are looked at before a line has one */
     int32_t max_gap;    /* frames that a track lives on without a segment */
     int32_t max_tracks; /* alive at a time; also the segments of a frame that are looked at */
 } tracker_params;
@@ -20,13 +21,18 @@ typedef struct tracker_params {
 tracker *tracker_new(const tracker_params *p);
 void tracker_free(tracker *t); /* NULL is allowed */
 
-/* The line of the track is at `where` in the next frame (its ends in order, the rest means
- * nothing), to within `box` px across. No such track: nothing happens. */
-void tracker_foresee(tracker *t, int32_t id, const arris_segment *where, double box);
+/* The running 3D line of that id, the id of its first track, for the next frame: as the forecast
+ * says at that depth, mm. Its tracks are looked for there; when none is alive, that of its id is
+ * taken up again with the segment that is found there. */
+void tracker_foresee(tracker *t, int32_t line, const forecast *f, double depth);
+
+/* From now on the tracks of one line are those of another. */
+void tracker_merge(tracker *t, int32_t line, int32_t into);
 
 /* Continues the tracks with the segments of the next frame, starts tracks for those that are left,
- * and writes all that are alive to `out`, by ascending id. Time is O(tracks x segments), memory is
- * not allocated. What found no room is counted in out->lost. */
-void tracker_run(tracker *t, const arris_segments *in, arris_tracks *out);
+ * and writes all that are alive to `out`, by ascending id. `from` is where the frame was taken;
+ * NULL: unknown. Time is of the order of the segments and lines, memory is not allocated. What
+ * found no room is counted in out->lost. */
+void tracker_run(tracker *t, const arris_segments *in, const viewpoint *from, arris_tracks *out);
 
 #endif
