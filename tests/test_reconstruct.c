@@ -648,7 +648,7 @@ static void meeting_edges_are_two(void **state) {
     for (seed = 15; seed < 25; seed++) {
         fit_views(&a, &upright, 0.1, 0, 40);
         fit_views(&again, &upright, 0.1, 30, 60);
-        assert_true(line_same(&a, &again, &rough) && line_same(&again, &a, &rough));
+        assert_true(line_same(&a, &again, &rough, false) && line_same(&again, &a, &rough, false));
         edge other = upright; /* seen from view 12 it covers the edge, but it leans forward */
         arris_pose pose = on_path(12, 60);
         for (int i = 0; i < 3; i++)
@@ -656,7 +656,7 @@ static void meeting_edges_are_two(void **state) {
         for (int n = 4; n < 20; n++) {
             fit_views(&b, &other, 0.3, 10, 10 + n);
             if (b.settled)
-                assert_false(line_same(&a, &b, &rough) || line_same(&b, &a, &rough));
+                assert_false(line_same(&a, &b, &rough, false) || line_same(&b, &a, &rough, false));
         }
     }
 }

@@ -302,8 +302,10 @@ static bool update(line *l, const view *v, int kept, const scene *s, linear *r) 
     return true;
 }
 
+/* The estimate alone may be wrong about it; the last view alone, where one looks along the line. */
 void line_align(const line *l, view *v) {
-    if (l->settled && view_place(v, &l->f, l->x, v->half) < view_place(v, &l->f, l->x, -v->half))
+    if (l->settled && arris_dot(v->step, l->kept[l->n_kept - 1].step) < 0 &&
+        view_place(v, &l->f, l->x, v->half) < view_place(v, &l->f, l->x, -v->half))
         view_turn(v);
 }
 
@@ -328,7 +330,10 @@ void line_complete(line *l, const scene *s) {
 
 void line_absorb(line *a, const line *b, const scene *s) {
     linear r;
-    for (uint32_t i = 0; i < b->n_kept; i++)
-        line_add(a, &b->kept[i], s, &r);
+    for (uint32_t i = 0; i < b->n_kept; i++) {
+        view v = b->kept[i];
+        line_align(a, &v);
+        line_add(a, &v, s, &r);
+    }
     line_complete(a, s);
 }

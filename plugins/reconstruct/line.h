@@ -118,9 +118,10 @@ double line_chi2(const line *l);
 /* mm between the outermost camera centres. */
 double line_baseline(const line *l);
 
-/* Whether two lines, both settled or both not, are the same edge: of the same polarity, overlapping
- * or nearly, and, by the Mahalanobis distance of their four parameters, in the same place. */
-bool line_same(const line *a, const line *b, const scene *s);
+/* Whether two lines, both settled or both not, are the same edge: of the same polarity, or of the
+ * opposite when `turned`, overlapping or nearly, and, by the Mahalanobis distance of their four
+ * parameters, in the same place. */
+bool line_same(const line *a, const line *b, const scene *s, bool turned);
 
 /* Two lines' kept views become one line's, a's. */
 void line_absorb(line *a, const line *b, const scene *s);

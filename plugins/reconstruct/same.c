@@ -9,6 +9,7 @@
 static const double GATE = 18.5;      /* chi-square of 4 degrees of freedom: one in a thousand */
 static const double GAP = 5;          /* px that may lie between the two */
 static const double NEAR = 0.01;      /* of the distance: farther apart, they are never the same */
+static const double OPPOSITE = 0.5;   /* px: the same for lines of opposite polarity */
 static const double COS_TURN = 0.9;   /* between their directions: 25° */
 static const double INDISTINCT = 0.2; /* px: nearer than this, edges are not told apart */
 
@@ -46,23 +47,27 @@ static bool overlaps(const line *a, const line *b, const double place[2]) {
            place[0] < a->ends[1] + gap[1] && place[1] > a->ends[0] - gap[0];
 }
 
-static bool near(const double offset[4], double limit) {
-    return hypot(offset[0], offset[1]) < limit && hypot(offset[2], offset[3]) < limit;
+/* Whether the offsets are within the limit; those away from the camera only when `depth` is to
+ * count. */
+static bool near(const double offset[4], double limit, bool depth) {
+    double a = depth ? offset[0] : 0, b = depth ? offset[2] : 0;
+    return hypot(a, offset[1]) < limit && hypot(b, offset[3]) < limit;
 }
 
-bool line_same(const line *a, const line *b, const scene *s) {
-    double place[2], offset[4];
+bool line_same(const line *a, const line *b, const scene *s, bool turned) {
+    double place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]}, limit;
     for (int i = 0; i < 2; i++) {
         double P[3];
-        frame_point(&b->f, b->x, b->ends[i], P);
+        frame_point(&b->f, b->x, ends[i], P);
         place[i] = place_of(a, P, offset + 2 * i);
     }
-    if (!overlaps(a, b, place) || (a->settled && !near(offset, NEAR * a->depth)))
+    limit = turned ? OPPOSITE * fmin(a->pixel[0], a->pixel[1]) : NEAR * a->depth;
+    if (!overlaps(a, b, place) || !near(offset, limit, a->settled && !turned))
         return false;
-    mat4 S = line_covariance(a, s, a->prior, place), P = line_covariance(b, s, b->prior, b->ends),
+    mat4 S = line_covariance(a, s, a->prior, place), C = line_covariance(b, s, b->prior, ends),
          inverse;
     double least = INDISTINCT * fmin(a->pixel[0], a->pixel[1]);
-    add_turned(&S, &P, &b->f, &a->f);
+    add_turned(&S, &C, &b->f, &a->f);
     for (int i = 0; i < 4; i++)
         S.m[i][i] += least * least;
     if (!a->settled) /* their depth was guessed, at two times */

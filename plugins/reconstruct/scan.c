@@ -183,6 +183,13 @@ static void merge(scan *s, entry *a, entry *b) {
     leave(b, ARRIS_MERGED, a->out.id);
 }
 
+/* Whether two lines are one edge: which is seen in either polarity, but not in both at once. */
+static bool same_edge(const scan *s, const entry *a, const entry *b) {
+    bool at_once = a->changed && b->changed;
+    return line_same(&a->l, &b->l, &s->scene, false) ||
+           (!at_once && a->l.settled && line_same(&a->l, &b->l, &s->scene, true));
+}
+
 /* Merges the line with each that is the same edge, into the older one. */
 static void merge_with_others(scan *s, uint32_t index) {
     entry *e = s->alive[index];
@@ -190,7 +197,7 @@ static void merge_with_others(scan *s, uint32_t index) {
     for (uint32_t i = 0; i < s->n && !e->leaving; i++) {
         entry *o = s->alive[i];
         if (i == index || o->leaving || !o->listed || o->l.settled != e->l.settled ||
-            !line_same(&o->l, &e->l, &s->scene))
+            !same_edge(s, o, e))
             continue;
         merge(s, i < index ? o : e, i < index ? e : o);
     }
