@@ -92,14 +92,42 @@ static void sweep_planes(tracker *t, const viewpoint *v) {
         }
 }
 
+static const known *find_known(const tracker *t, int32_t id) {
+    return bsearch(&(known){.id = id}, t->known, (size_t)t->n_known, sizeof(known), by_id);
+}
+
+bool depth_knows(const tracker *t, const track *k) {
+    return find_known(t, k->line) != NULL;
+}
+
+/* Whether a line is nowhere near where the track's last sightings have it, as one along the motion
+ * may be, the distance of which was mistaken. */
+static bool contradicts(const forecast *line, const track *k, const viewpoint *v) {
+    const forecast *swept = &k->next;
+    double w;
+    if (!sweep_depth(&k->s, v, &w))
+        return false;
+    arris_segment s = swept->where;
+    const double *c = swept->cov;
+    double u[2], length = segment_direction(&s, u);
+    s.cov[0] = (c[0] + 2 * c[1] + c[2]) / 4;
+    s.cov[1] = (c[2] - c[0]) / (2 * length);
+    s.cov[2] = (c[0] - 2 * c[1] + c[2]) / (length * length);
+    return forecast_misfit(line, &s) >= 1;
+}
+
 static void forecast_one(tracker *t, track *k, const viewpoint *v) {
-    known *l = bsearch(&(known){.id = k->line}, t->known, (size_t)t->n_known, sizeof *l, by_id);
-    if (l) {
+    const known *l = find_known(t, k->line);
+    bool posed = k->s.length > 0, swept = posed && sweep_forecast(&k->s, v, &k->next);
+    bool trusted = l && l->visible &&
+                   (!swept || (forecast_reach(&l->f) < t->p.box &&
+                               (asleep(t, k) || !contradicts(&l->f, k, v))));
+    if (trusted)
         k->next = l->f;
-        l->tracked = true;
-    } else if (k->s.length <= 0 || !sweep_forecast(&k->s, v, &k->next)) {
+    else if (!posed && !l)
         motion_forecast_one(t, k);
-    }
+    else if (!swept)
+        k->next = (forecast){.cov = {0}}; /* nowhere */
     k->next.turned = k->turned;
     k->next.where.lo = k->seen.lo, k->next.where.hi = k->seen.hi;
 }
@@ -120,16 +148,19 @@ double depth_forecast(tracker *t, const viewpoint *v, double *asked) {
     return sum;
 }
 
+/* Lines that are known tell, or else, since in noise some track is always narrow, those that were
+ * seen often enough. */
 void depth_end_frame(tracker *t, const viewpoint *v) {
     double sum = 0, w;
     int32_t n = 0;
     for (int32_t i = 0; i < t->n_known; i++)
-        if (t->known[i].tracked)
+        if (t->known[i].visible)
             sum += 1 / t->known[i].depth, n++;
-    for (int32_t i = 0; i < t->n; i++)
-        if (!t->track[i].next.line && t->track[i].sightings >= ENOUGH && t->track[i].segment >= 0 &&
-            sweep_depth(&t->track[i].s, v, &w))
+    for (int32_t i = 0; t->n_known == 0 && i < t->n; i++) {
+        const track *k = &t->track[i];
+        if (k->segment >= 0 && k->sightings >= ENOUGH && sweep_depth(&k->s, v, &w))
             sum += w, n++;
+    }
     if (n > 0)
         set_scene(t, fmin(fmax(sum / n, t->scene.least), t->scene.most));
     else if (t->scene_age >= 0 && ++t->scene_age > t->p.max_gap)

@@ -46,15 +46,14 @@ static bool in_front(const arris_line *l, const arris_pose *pose, double place[2
     return least > 0;
 }
 
-static bool in_picture(const arris_camera *c, const arris_segment *s) {
+bool in_picture(const arris_camera *c, const arris_segment *s) {
     return fmax(s->x1, s->x2) > 0 && fmin(s->x1, s->x2) < c->width && fmax(s->y1, s->y2) > 0 &&
            fmin(s->y1, s->y2) < c->height;
 }
 
 bool foresee(const arris_line *l, const viewpoint *v, forecast *f, double *depth) {
     double place[2], z[2], e[4], n[3], w[2];
-    if (l->state == ARRIS_UNOBSERVABLE || l->change == ARRIS_MERGED || l->change == ARRIS_RETIRED ||
-        !in_front(l, v->pose, place, z))
+    if (!in_front(l, v->pose, place, z))
         return false;
     for (int i = 0; i < 2; i++) {
         double P[3];

@@ -18,8 +18,11 @@ typedef struct viewpoint {
 /* Adds what the pose leaves open to the forecast of a line at this depth, mm. */
 void blur_forecast(const viewpoint *v, double depth, forecast *f);
 
+/* Whether the segment is in the picture, at least in part. */
+bool in_picture(const arris_camera *c, const arris_segment *s);
+
 /* What the line looks like from there, its lens included, and its depth in the middle, mm. False
- * when the line is not known, or it is not in front of the camera or outside of its picture. */
+ * when it is not in front of the camera or outside of its picture. */
 bool foresee(const arris_line *l, const viewpoint *v, forecast *f, double *depth);
 
 #endif

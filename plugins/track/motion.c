@@ -38,6 +38,8 @@ static forecast predict(const tracker *t, const track *k, double steps, double b
 static double explains(tracker *t, double steps) {
     double sum = 0;
     for (int32_t i = 0; i < t->n; i += 1 + t->n / SAMPLE) {
+        if (asleep(t, &t->track[i]))
+            continue;
         forecast f = predict(t, &t->track[i], steps, t->p.box / 2);
         sum += explained(t, &f);
     }
@@ -61,7 +63,7 @@ static void search(tracker *t, double pitch, int reach) {
 
 static bool none_moves(const tracker *t) {
     for (int32_t i = 0; i < t->n; i++)
-        if (t->track[i].moving)
+        if (t->track[i].moving && !asleep(t, &t->track[i]))
             return false;
     return t->n > 0;
 }

@@ -10,6 +10,7 @@
 static const double NARROW = 0.25; /* of the inverse depth: its sigma when it is known */
 static const double LONGER = 1.2;  /* a segment by so much longer is the better start */
 static const double OUTLIER = 16;  /* squared sigmas */
+static const double ASTRAY = 0.2;  /* of the length: what sigma may be along the line */
 
 static bool narrow(const sweep *s) {
     return s->var[0] < NARROW * NARROW * s->w[0] * s->w[0] &&
@@ -86,10 +87,12 @@ bool sweep_forecast(const sweep *s, const viewpoint *v, forecast *f) {
     arris_distort(v->camera, f->where.x1, f->where.y1, &f->where.x1, &f->where.y1);
     arris_distort(v->camera, f->where.x2, f->where.y2, &f->where.x2, &f->where.y2);
     return isfinite(f->cov[0] + f->cov[1] + f->cov[2] + f->where.x1 + f->where.y1 + f->where.x2 +
-                    f->where.y2);
+                    f->where.y2) &&
+           in_picture(v->camera, &f->where);
 }
 
-/* Narrows end i by the straight segment a; false when that contradicts it. */
+/* Narrows end i by the straight segment a. False when that contradicts it, or when nobody knows
+ * any more where along the line it is. */
 static bool narrow_end(sweep *s, int i, const arris_segment *a, const viewpoint *v,
                        const depths *d) {
     double at[2], speed[2], u[2];
@@ -101,7 +104,8 @@ static bool narrow_end(sweep *s, int i, const arris_segment *a, const viewpoint 
     blur_forecast(v, z / s->w[i], &blur);
     double var = s->own[i] + variance(a, x * u[0] + y * u[1]) + blur.cov[0];
     double innovation = var + across * across * s->var[i];
-    if (!(z > 0) || !(right * right < OUTLIER * innovation))
+    double along = fabs(speed[0] * u[0] + speed[1] * u[1]) * sqrt(s->var[i]);
+    if (!(z > 0) || !(right * right < OUTLIER * innovation) || along > ASTRAY * s->length)
         return false;
     double gain = s->var[i] * across / innovation;
     s->w[i] = fmin(fmax(s->w[i] - gain * right, d->least), d->most);

@@ -30,8 +30,8 @@ typedef struct sweep {
 /* Begins a sweep of the segment. */
 void sweep_begin(sweep *s, const arris_segment *seen, const viewpoint *v, const depths *d);
 
-/* What the line looks like from another place. False when it is not in front of the camera there.
- */
+/* What the line looks like from another place. False when it is not in front of the camera there or
+ * outside of its picture. */
 bool sweep_forecast(const sweep *s, const viewpoint *v, forecast *f);
 
 /* The line was seen as this segment. Begins anew when that tells more. */

@@ -53,11 +53,12 @@ static void foresee_lines(struct track_stage *t, const arris_lines *lines, const
     for (uint32_t i = 0; i < lines->n; i++) {
         const arris_line *l = &lines->item[i];
         forecast f;
-        double depth;
+        double depth = 0;
+        bool visible = v && foresee(l, v, &f, &depth);
         if (l->change == ARRIS_MERGED)
             tracker_merge(t->tracker, l->id, l->into);
-        else if (v && foresee(l, v, &f, &depth))
-            tracker_foresee(t->tracker, l->id, &f, depth);
+        else if (l->change != ARRIS_RETIRED && l->state != ARRIS_UNOBSERVABLE)
+            tracker_foresee(t->tracker, l->id, visible ? &f : NULL, depth);
     }
 }
 

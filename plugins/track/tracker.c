@@ -9,8 +9,12 @@
 
 #include "tracks.h"
 
-enum { RIVALS = 8 };               /* segments that a track chooses from */
-static const double ASLEEP = 4;    /* the cost of taking a track up again */
+enum {
+    RIVALS = 8,       /* segments that a track chooses from */
+    ESTABLISHED = 10, /* sightings after which a track is no accident */
+    PATIENCE = 5      /* times as many frames as it was seen in it is remembered */
+};
+static const double ASLEEP = 4;    /* the cost of waking a track */
 static const double CLEARLY = 1.1; /* how much better the picture must explain than the poses */
 
 tracker *tracker_new(const tracker_params *p) {
@@ -26,7 +30,7 @@ tracker *tracker_new(const tracker_params *p) {
     t->track = calloc(n, sizeof *t->track);
     t->known = calloc(n, sizeof *t->known);
     t->taken = calloc(n, sizeof *t->taken);
-    t->pair = calloc(2 * RIVALS * n, sizeof *t->pair);
+    t->pair = calloc(RIVALS * n, sizeof *t->pair);
     t->index = index_new(n);
     if (t->track && t->known && t->taken && t->pair && t->index)
         return t;
@@ -46,8 +50,15 @@ void tracker_free(tracker *t) {
 }
 
 void tracker_foresee(tracker *t, int32_t line, const forecast *f, double depth) {
-    if (t->n_known < t->p.max_tracks && line >= 0 && line < t->total)
-        t->known[t->n_known++] = (known){.id = line, .segment = -1, .depth = depth, .f = *f};
+    if (t->n_known == t->p.max_tracks || line < 0 || line >= t->total)
+        return;
+    t->known[t->n_known++] = (known){.id = line, .depth = depth, .visible = f != NULL};
+    if (f)
+        t->known[t->n_known - 1].f = *f;
+}
+
+bool asleep(const tracker *t, const track *k) {
+    return k->gap > t->p.max_gap;
 }
 
 void tracker_merge(tracker *t, int32_t line, int32_t into) {
@@ -67,13 +78,18 @@ double explained(tracker *t, const forecast *f) {
 
 /* ---- pairs ---------------------------------------------------------------------------------- */
 
-/* Notes the likeliest segments for the target. */
-static void find_pairs(tracker *t, int32_t target, const forecast *f, double handicap) {
+/* Notes the likeliest segments for the track. */
+static void find_pairs(tracker *t, int32_t number) {
+    const forecast *f = &t->track[number].next;
+    bool sleeps = asleep(t, &t->track[number]);
+    double reach = forecast_reach(f), handicap = sleeps ? ASLEEP : 0;
+    if (sleeps && (f->box > 0 || reach > t->p.box))
+        return;
     uint32_t n;
-    const uint32_t *near = index_near(t->index, &f->where, forecast_reach(f), &n);
+    const uint32_t *near = index_near(t->index, &f->where, reach, &n);
     size_t first = t->n_pairs;
     for (uint32_t i = 0; i < n; i++) {
-        pair p = {forecast_cost(f, &t->in[near[i]]) + handicap, target, (int32_t)near[i]};
+        pair p = {forecast_cost(f, &t->in[near[i]]) + handicap, number, (int32_t)near[i]};
         if (!(p.cost < (double)INFINITY))
             continue;
         if (t->n_pairs < first + RIVALS) {
@@ -93,8 +109,8 @@ static int likeliest_first(const void *a, const void *b) {
     const pair *p = a, *q = b;
     if (p->cost != q->cost)
         return p->cost < q->cost ? -1 : 1;
-    if (p->target != q->target)
-        return p->target < q->target ? -1 : 1;
+    if (p->track != q->track)
+        return p->track < q->track ? -1 : 1;
     return (p->segment > q->segment) - (p->segment < q->segment);
 }
 
@@ -107,6 +123,10 @@ static void sight(tracker *t, track *k, int32_t segment, const viewpoint *v) {
     k->gap = 0;
     if (k->sightings++ > 0)
         motion_sight(t, k, &own);
+    if ((k->seen.x2 - k->seen.x1) * (own.x2 - own.x1) +
+            (k->seen.y2 - k->seen.y1) * (own.y2 - own.y1) <
+        0)
+        k->s.length = 0; /* merged into a line that runs the other way */
     k->time = t->time;
     k->seen = own;
     if (v)
@@ -114,65 +134,44 @@ static void sight(tracker *t, track *k, int32_t segment, const viewpoint *v) {
     t->taken[segment] = 1;
 }
 
-/* Pairs up what is likeliest. A line that sleeps is paired too, but not yet taken up. */
+/* Joins what is likeliest. */
 static void join(tracker *t, const viewpoint *v) {
     t->n_pairs = 0;
     for (int32_t i = 0; i < t->n; i++)
-        find_pairs(t, i, &t->track[i].next, 0);
-    for (int32_t i = 0; v && i < t->n_known; i++)
-        if (!t->known[i].tracked)
-            find_pairs(t, t->n + i, &t->known[i].f, ASLEEP);
+        find_pairs(t, i);
     qsort(t->pair, t->n_pairs, sizeof *t->pair, likeliest_first);
     for (size_t i = 0; i < t->n_pairs; i++) {
         const pair *p = &t->pair[i];
-        if (t->taken[p->segment])
-            continue;
-        if (p->target >= t->n && t->known[p->target - t->n].segment < 0) {
-            t->known[p->target - t->n].segment = p->segment;
-            t->taken[p->segment] = 1;
-        } else if (p->target < t->n && t->track[p->target].segment < 0) {
-            sight(t, &t->track[p->target], p->segment, v);
-        }
+        if (!t->taken[p->segment] && t->track[p->track].segment < 0)
+            sight(t, &t->track[p->track], p->segment, v);
     }
 }
 
 /* ---- which tracks there are ----------------------------------------------------------------- */
 
-static void drop_lost(tracker *t) {
-    int32_t n = 0;
-    for (int32_t i = 0; i < t->n; i++)
-        if (t->track[i].segment >= 0 || ++t->track[i].gap <= t->p.max_gap) {
-            if (n < i)
-                t->track[n] = t->track[i];
-            n++;
-        }
-    t->n = n;
+/* Whether a track that is not seen any more is remembered: for a while, or as long as it is a line.
+ */
+static bool worth_keeping(const tracker *t, const track *k) {
+    return !asleep(t, k) || (k->line == k->id && depth_knows(t, k)) ||
+           (k->sightings >= ESTABLISHED && k->gap < PATIENCE * k->sightings && k->s.length > 0);
 }
 
-/* A new track at its place by id. NULL when there is one of that id, or no room. */
-static track *insert(tracker *t, int32_t id) {
-    int32_t i = t->n;
-    while (i > 0 && t->track[i - 1].id > id)
-        i--;
-    if (t->n == t->p.max_tracks || (i > 0 && t->track[i - 1].id == id))
-        return NULL;
-    memmove(&t->track[i + 1], &t->track[i], (size_t)(t->n++ - i) * sizeof *t->track);
-    t->track[i] = (track){.id = id, .line = id, .segment = -1};
-    return &t->track[i];
-}
-
-/* The tracks of lines that were seen again are taken up. */
-static void wake(tracker *t, const viewpoint *v) {
-    for (int32_t i = 0; i < t->n_known; i++) {
-        const known *l = &t->known[i];
-        track *k = l->segment < 0 ? NULL : insert(t, l->id);
-        if (l->segment >= 0)
-            t->taken[l->segment] = 0;
-        if (!k)
-            continue;
-        k->next = l->f;
-        sight(t, k, l->segment, v);
+/* Forgets tracks: those that are not worth keeping, and sleeping ones when their room is needed. */
+static void forget(tracker *t) {
+    int32_t n = 0, needed = t->n - t->p.max_tracks;
+    for (int32_t j = 0; j < t->n_in; j++)
+        needed += !t->taken[j];
+    for (int32_t i = 0; i < t->n; i++) {
+        track *k = &t->track[i];
+        k->gap += k->segment < 0;
+        bool keep = worth_keeping(t, k);
+        if (keep && needed > 0 && asleep(t, k))
+            keep = false, needed--;
+        if (keep && n < i)
+            t->track[n] = *k;
+        n += keep;
     }
+    t->n = n;
 }
 
 /* Free segments become tracks; returns how many found no room. */
@@ -185,20 +184,25 @@ static uint32_t start_tracks(tracker *t, const viewpoint *v) {
             lost++;
             continue;
         }
-        track *k = insert(t, t->total++);
-        k->next.where = t->in[j];
+        track *k = &t->track[t->n++];
+        *k = (track){.id = t->total, .line = t->total, .next.where = t->in[j]};
+        t->total++;
         sight(t, k, j, v);
     }
     return lost;
 }
 
 static void write_tracks(const tracker *t, arris_tracks *out) {
-    uint32_t n = (uint32_t)t->n;
-    out->n = n < out->max ? n : out->max;
-    out->lost += n - out->n;
     out->total = (uint32_t)t->total;
-    for (uint32_t i = 0; i < out->n; i++)
-        out->item[i] = (arris_track){t->track[i].id, t->track[i].segment};
+    out->n = 0;
+    for (int32_t i = 0; i < t->n; i++) {
+        if (asleep(t, &t->track[i]))
+            continue;
+        if (out->n < out->max)
+            out->item[out->n++] = (arris_track){t->track[i].id, t->track[i].segment};
+        else
+            out->lost++;
+    }
 }
 
 /* Forecasts every track. Returns `v`, or NULL when it is unknown, or so far from what is seen that
@@ -227,11 +231,10 @@ void tracker_run(tracker *t, const arris_segments *in, const viewpoint *from, ar
         t->track[i].segment = -1;
     const viewpoint *v = forecast_all(t, from);
     join(t, v);
-    drop_lost(t);
+    forget(t);
     motion_end_frame(t);
     if (v)
         depth_end_frame(t, v);
-    wake(t, v);
     out->lost = in->n - (uint32_t)t->n_in + start_tracks(t, v);
     t->n_known = 0;
     write_tracks(t, out);

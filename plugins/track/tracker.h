@@ -21,9 +21,9 @@ typedef struct tracker_params {
 tracker *tracker_new(const tracker_params *p);
 void tracker_free(tracker *t); /* NULL is allowed */
 
-/* The running 3D line of that id, the id of its first track, for the next frame: as the forecast
- * says at that depth, mm. Its tracks are looked for there; when none is alive, that of its id is
- * taken up again with the segment that is found there. */
+/* The running 3D line of that id, the id of its first track, is known: in the next frame it is as
+ * the forecast says at that depth, mm; NULL: not in the picture. Its tracks are looked for there,
+ * also those that have ended. */
 void tracker_foresee(tracker *t, int32_t line, const forecast *f, double depth);
 
 /* From now on the tracks of one line are those of another. */

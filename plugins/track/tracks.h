@@ -10,28 +10,28 @@
 #include "tracker.h"
 
 typedef struct track {
-    int32_t id, line, segment, gap; /* gap: frames since it was seen */
-    uint32_t sightings;
-    arris_segment seen; /* last, in the track's own direction */
-    bool turned;        /* then it was of the other polarity than in the beginning */
-    bool moving;        /* `across` is known */
-    double time;        /* of the last sighting */
-    double across;      /* px per step, to the right of the line */
+    int32_t id, line, segment;
+    int32_t gap, sightings; /* gap: frames since it was seen; beyond max_gap it is asleep */
+    arris_segment seen;     /* last, in the track's own direction */
+    bool turned;            /* then it was of the other polarity than in the beginning */
+    bool moving;            /* `across` is known */
+    double time;            /* of the last sighting */
+    double across;          /* px per step, to the right of the line */
     sweep s;
     forecast next; /* of this frame */
 } track;
 
-/* A line that is foreseen in this frame. */
+/* A line whose depth is known. */
 typedef struct known {
-    int32_t id, segment; /* segment: that it was found as again; -1 */
-    bool tracked;        /* by a track that is alive */
-    double depth;        /* mm */
+    int32_t id;
+    double depth; /* mm */
+    bool visible; /* it is in the picture; else f means nothing */
     forecast f;
 } known;
 
 typedef struct pair {
     double cost;
-    int32_t target, segment; /* target: the track, or, from n on, the line to be taken up again */
+    int32_t track, segment; /* by number */
 } pair;
 
 struct tracker {
@@ -50,6 +50,9 @@ struct tracker {
     size_t n_pairs;
     int32_t *taken; /* by segment: it continues a track */
 };
+
+/* Whether the track has ended, but is remembered. */
+bool asleep(const tracker *t, const track *k);
 
 /* How well the segments explain a forecast: 1 when one is where it was foreseen, 0 when none is
  * near. */
@@ -78,6 +81,9 @@ void motion_end_frame(tracker *t);
 /* Forecasts every track: by its 3D line, else by its sweep, else by its motion. Returns how well
  * that explains the segments, over a sample of the tracks; *asked is how many these are. */
 double depth_forecast(tracker *t, const viewpoint *v, double *asked);
+
+/* Whether the 3D line of the track is known. */
+bool depth_knows(const tracker *t, const track *k);
 
 /* Learns from the tracks seen in this frame how far away new lines are. */
 void depth_end_frame(tracker *t, const viewpoint *v);
