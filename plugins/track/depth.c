@@ -132,19 +132,19 @@ static void forecast_one(tracker *t, track *k, const viewpoint *v) {
     k->next.where.lo = k->seen.lo, k->next.where.hi = k->seen.hi;
 }
 
-double depth_forecast(tracker *t, const viewpoint *v, double *asked) {
-    double sum = 0;
+void depth_forecast(tracker *t, const viewpoint *v) {
     sort_known(t);
     if (t->scene_age < 0)
         sweep_planes(t, v);
     for (int32_t i = 0; i < t->n; i++)
         forecast_one(t, &t->track[i], v);
-    *asked = 0;
+}
+
+double depth_explains(tracker *t) {
+    double sum = 0;
     for (int32_t i = 0; i < t->n; i += 1 + t->n / SAMPLE)
-        if (t->track[i].sightings > 1 && t->track[i].gap == 0) {
+        if (!asleep(t, &t->track[i]))
             sum += explained(t, &t->track[i].next);
-            ++*asked;
-        }
     return sum;
 }
 

@@ -116,14 +116,15 @@ static double change(const arris_segment *a, const arris_segment *b) {
     return before * now > 0 ? fmin(side, fabs(log(now / before))) : side;
 }
 
-double forecast_cost(const forecast *f, const arris_segment *s) {
+double forecast_cost(const forecast *f, const arris_segment *s, double *off) {
     double spread, changed;
     bool flipped = runs_against(f, s) != f->turned;
+    *off = 1;
     if (flipped && !f->line)
         return (double)INFINITY;
     arris_segment own = segment_along(f, s);
-    double off = misfit(f, &own, &spread);
-    if (off >= (flipped ? FLIPPED : 1) || (changed = change(&f->where, &own)) >= 1)
+    *off = misfit(f, &own, &spread);
+    if (*off >= (flipped ? FLIPPED : 1) || (changed = change(&f->where, &own)) >= 1)
         return (double)INFINITY;
-    return GATE * off + spread + changed * changed + (flipped ? FLIP : 0);
+    return GATE * *off + spread + changed * changed + (flipped ? FLIP : 0);
 }

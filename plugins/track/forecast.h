@@ -28,8 +28,8 @@ double forecast_reach(const forecast *f);
 double forecast_misfit(const forecast *f, const arris_segment *s);
 
 /* What speaks against the segment's being what was foreseen, polarity and contrast included; the
- * smaller, the more likely. INFINITY when it is none. */
-double forecast_cost(const forecast *f, const arris_segment *s);
+ * smaller, the more likely. INFINITY when it is none. *off is its misfit. */
+double forecast_cost(const forecast *f, const arris_segment *s, double *off);
 
 /* ---- segments ------------------------------------------------------------------------------- */
 

@@ -10,14 +10,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CELL 16.0 /* px */
+#define CELL 32.0 /* px */
 #define FAR 1e6   /* px: no coordinate is beyond */
 
 enum {
     SIDE = 64,
-    PLACES = 32 /* on average, of a segment */,
+    PLACES = 16 /* on average, of a segment */,
     MOST_PLACES = 512,
-    FARTHEST = 5 /* cells */
+    FARTHEST = 3 /* cells */
 };
 
 typedef struct place {

@@ -78,31 +78,39 @@ double explained(tracker *t, const forecast *f) {
 
 /* ---- pairs ---------------------------------------------------------------------------------- */
 
-/* Notes the likeliest segments for the track. */
-static void find_pairs(tracker *t, int32_t number) {
+/* Keeps the pair when it is one of the likeliest of its track, the pairs from `first` on. */
+static void note(tracker *t, size_t first, const pair *p) {
+    if (t->n_pairs < first + RIVALS) {
+        t->pair[t->n_pairs++] = *p;
+        return;
+    }
+    pair *worst = &t->pair[first];
+    for (size_t k = first + 1; k < t->n_pairs; k++)
+        if (t->pair[k].cost > worst->cost)
+            worst = &t->pair[k];
+    if (p->cost < worst->cost)
+        *worst = *p;
+}
+
+/* Pairs the track with segments; returns how well one of them explains its forecast. */
+static double find_pairs(tracker *t, int32_t number) {
     const forecast *f = &t->track[number].next;
     bool sleeps = asleep(t, &t->track[number]);
-    double reach = forecast_reach(f), handicap = sleeps ? ASLEEP : 0;
+    double reach = forecast_reach(f), handicap = sleeps ? ASLEEP : 0, least = 1;
     if (sleeps && (f->box > 0 || reach > t->p.box))
-        return;
+        return 0;
     uint32_t n;
     const uint32_t *near = index_near(t->index, &f->where, reach, &n);
     size_t first = t->n_pairs;
     for (uint32_t i = 0; i < n; i++) {
-        pair p = {forecast_cost(f, &t->in[near[i]]) + handicap, number, (int32_t)near[i]};
-        if (!(p.cost < (double)INFINITY))
-            continue;
-        if (t->n_pairs < first + RIVALS) {
-            t->pair[t->n_pairs++] = p;
-            continue;
+        double off;
+        pair p = {forecast_cost(f, &t->in[near[i]], &off) + handicap, number, (int32_t)near[i]};
+        if (p.cost < (double)INFINITY) {
+            note(t, first, &p);
+            least = fmin(least, off);
         }
-        pair *worst = &t->pair[first];
-        for (size_t k = first + 1; k < t->n_pairs; k++)
-            if (t->pair[k].cost > worst->cost)
-                worst = &t->pair[k];
-        if (p.cost < worst->cost)
-            *worst = p;
     }
+    return 1 - least;
 }
 
 static int likeliest_first(const void *a, const void *b) {
@@ -134,11 +142,21 @@ static void sight(tracker *t, track *k, int32_t segment, const viewpoint *v) {
     t->taken[segment] = 1;
 }
 
+/* Pairs all tracks; returns whether the segments explain at least half of what is foreseen of those
+ * that were seen in the frame before. */
+static bool find_all_pairs(tracker *t) {
+    double asked = 0, sum = 0;
+    t->n_pairs = 0;
+    for (int32_t i = 0; i < t->n; i++) {
+        double well = find_pairs(t, i);
+        if (t->track[i].sightings > 1 && t->track[i].gap == 0)
+            asked++, sum += well;
+    }
+    return 2 * sum >= asked;
+}
+
 /* Joins what is likeliest. */
 static void join(tracker *t, const viewpoint *v) {
-    t->n_pairs = 0;
-    for (int32_t i = 0; i < t->n; i++)
-        find_pairs(t, i);
     qsort(t->pair, t->n_pairs, sizeof *t->pair, likeliest_first);
     for (size_t i = 0; i < t->n_pairs; i++) {
         const pair *p = &t->pair[i];
@@ -205,20 +223,21 @@ static void write_tracks(const tracker *t, arris_tracks *out) {
     }
 }
 
-/* Forecasts every track. Returns `v`, or NULL when it is unknown, or so far from what is seen that
- * it must be another frame's: then the picture alone tells. */
-static const viewpoint *forecast_all(tracker *t, const viewpoint *v) {
-    double asked, steps = 1, by_pose = v ? depth_forecast(t, v, &asked) : 0;
-    if (v && by_pose >= asked / 2) {
-        t->time += 1;
-        return v;
-    }
-    double by_motion = motion_find(t, &steps);
-    if (v && by_motion <= CLEARLY * by_pose + 1) {
-        t->time += 1;
-        return v;
+/* Forecasts and pairs every track. Returns `v`, or NULL when it is unknown, or so far from what is
+ * seen that it must be another frame's: then the picture alone tells. */
+static const viewpoint *pair_up(tracker *t, const viewpoint *v) {
+    double steps = 1;
+    if (v) {
+        depth_forecast(t, v);
+        if (find_all_pairs(t) || motion_find(t, &steps) <= CLEARLY * depth_explains(t) + 1) {
+            t->time += 1;
+            return v;
+        }
+    } else {
+        motion_find(t, &steps);
     }
     motion_forecast(t, steps);
+    find_all_pairs(t);
     return NULL;
 }
 
@@ -229,7 +248,7 @@ void tracker_run(tracker *t, const arris_segments *in, const viewpoint *from, ar
     memset(t->taken, 0, (size_t)t->n_in * sizeof *t->taken);
     for (int32_t i = 0; i < t->n; i++)
         t->track[i].segment = -1;
-    const viewpoint *v = forecast_all(t, from);
+    const viewpoint *v = pair_up(t, from);
     join(t, v);
     forget(t);
     motion_end_frame(t);

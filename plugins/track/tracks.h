@@ -78,9 +78,11 @@ void motion_end_frame(tracker *t);
 
 /* ---- depth.c: from the poses ----------------------------------------------------------------- */
 
-/* Forecasts every track: by its 3D line, else by its sweep, else by its motion. Returns how well
- * that explains the segments, over a sample of the tracks; *asked is how many these are. */
-double depth_forecast(tracker *t, const viewpoint *v, double *asked);
+/* Forecasts every track: by its 3D line, else by its sweep, else by its motion. */
+void depth_forecast(tracker *t, const viewpoint *v);
+
+/* How well that explains the segments, over a sample of the tracks. */
+double depth_explains(tracker *t);
 
 /* Whether the 3D line of the track is known. */
 bool depth_knows(const tracker *t, const track *k);
