@@ -9,6 +9,7 @@ fuzz_decode_uses := image
 # the runtime that the test itself is linked with.
 test_core_LIBS := -rdynamic
 test_sequence_LIBS := -rdynamic
+test_pictures_LIBS := -rdynamic
 test_shared := $(patsubst %.c,$(B)/%.so,$(wildcard tests/plugins/*.c tests/preload/*.c))
 test-parts: $(test_shared)
 $(test_shared): $(B)/tests/%.so: $(B)/obj/tests/%.c.o

@@ -9,7 +9,6 @@
 static const double GATE = 18.5;      /* chi-square of 4 degrees of freedom: one in a thousand */
 static const double GAP = 5;          /* px that may lie between the two */
 static const double NEAR = 0.01;      /* of the distance: farther apart, they are never the same */
-static const double OPPOSITE = 0.5;   /* px: the same for lines of opposite polarity */
 static const double COS_TURN = 0.9;   /* between their directions: 25° */
 static const double INDISTINCT = 0.2; /* px: nearer than this, edges are not told apart */
 
@@ -55,14 +54,13 @@ static bool near(const double offset[4], double limit, bool depth) {
 }
 
 bool line_same(const line *a, const line *b, const scene *s, bool turned) {
-    double place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]}, limit;
+    double place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]};
     for (int i = 0; i < 2; i++) {
         double P[3];
         frame_point(&b->f, b->x, ends[i], P);
         place[i] = place_of(a, P, offset + 2 * i);
     }
-    limit = turned ? OPPOSITE * fmin(a->pixel[0], a->pixel[1]) : NEAR * a->depth;
-    if (!overlaps(a, b, place) || !near(offset, limit, a->settled && !turned))
+    if (!overlaps(a, b, place) || !near(offset, NEAR * a->depth, a->settled))
         return false;
     mat4 S = line_covariance(a, s, a->prior, place), C = line_covariance(b, s, b->prior, ends),
          inverse;

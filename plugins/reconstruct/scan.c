@@ -22,6 +22,8 @@ typedef struct entry {
     bool judged;          /* whether to split it */
     double contradiction; /* chi-square; see line_contradiction */
     uint32_t next_merge;  /* when the line has seen so many views */
+    uint32_t at;          /* `frames` when it was last seen, */
+    double stretch[2][3]; /* and from where to where on the line, mm */
     double residual;      /* of this frame's view; 0: none */
     double before;        /* of the frame before */
     double told[6];       /* the ends when they were last said to have moved */
@@ -145,8 +147,13 @@ void scan_add(scan *s, int32_t track, view *v) {
         s->newest = track;
     if (!e)
         return;
-    if (v)
+    if (v) {
         line_align(&e->l, v);
+        e->at = s->frames;
+        for (int i = 0; i < 2; i++)
+            frame_point(&e->l.f, e->l.x, view_place(v, &e->l.f, e->l.x, i ? v->half : -v->half),
+                        e->stretch[i]);
+    }
     *find(s, s->now, track) = (link){track, e};
     s->linked++;
     e->tracked = true;
@@ -183,11 +190,23 @@ static void merge(scan *s, entry *a, entry *b) {
     leave(b, ARRIS_MERGED, a->out.id);
 }
 
-/* Whether two lines are one edge: which is seen in either polarity, but not in both at once. */
+/* Whether both were last seen in one frame, and beside each other. */
+static bool side_by_side(const entry *a, const entry *b) {
+    double u[3], from = 0, to = 0;
+    for (int i = 0; i < 3; i++)
+        u[i] = a->stretch[1][i] - a->stretch[0][i];
+    double length = arris_unit(u);
+    for (int i = 0; i < 3; i++) {
+        from += u[i] * (b->stretch[0][i] - a->stretch[0][i]);
+        to += u[i] * (b->stretch[1][i] - a->stretch[0][i]);
+    }
+    return a->at == b->at && fmax(from, to) > 0 && fmin(from, to) < length;
+}
+
+/* Whether two lines are one edge. That may be seen in either polarity, but not in both at once. */
 static bool same_edge(const scan *s, const entry *a, const entry *b) {
-    bool at_once = a->changed && b->changed;
     return line_same(&a->l, &b->l, &s->scene, false) ||
-           (!at_once && a->l.settled && line_same(&a->l, &b->l, &s->scene, true));
+           (a->l.settled && !side_by_side(a, b) && line_same(&a->l, &b->l, &s->scene, true));
 }
 
 /* Merges the line with each that is the same edge, into the older one. */

@@ -132,7 +132,7 @@ static double off(const line *l, const line *of, const scene *s, double *varianc
  * moves the other in the picture by a share of what is between them. */
 static bool elsewhere(const line *a, line *b, const scene *s) {
     double variances, rest, away = off(a, b, s, &variances), own = off(b, b, s, &rest);
-    if (!b->settled || away < ELSEWHERE * ELSEWHERE || away < 4 * own || line_same(a, b, s))
+    if (!b->settled || away < ELSEWHERE * ELSEWHERE || away < 4 * own || line_same(a, b, s, false))
         return false;
     b->blend = away < RESOLVED * RESOLVED ? SHARE * SHARE * variances : 0;
     return true;
