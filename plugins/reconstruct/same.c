@@ -55,6 +55,8 @@ static bool near(const double offset[4], double limit, bool depth) {
 
 bool line_same(const line *a, const line *b, const scene *s, bool turned) {
     double place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]};
+    if (turned && arris_dot(a->kept[a->n_kept - 1].step, b->kept[b->n_kept - 1].step) > 0)
+        return false; /* an estimate is, the edge is not */
     for (int i = 0; i < 2; i++) {
         double P[3];
         frame_point(&b->f, b->x, ends[i], P);

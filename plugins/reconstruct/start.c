@@ -106,11 +106,24 @@ void line_guess(line *l, const scene *s) {
     l->scale = UNKNOWN;
 }
 
+/* Whether most views run against the estimate: as it moved, its ends went past each other. */
+static bool runs_against(const line *l) {
+    int against = 0;
+    for (uint32_t i = 0; i < l->n_kept; i++) {
+        const view *v = &l->kept[i];
+        double from = view_place(v, &l->f, l->x, -v->half),
+               to = view_place(v, &l->f, l->x, v->half);
+        against += (from > to) - (from < to);
+    }
+    return against > 0;
+}
+
 void line_reframe(line *l) {
     frame *f = &l->f;
     double P[3], Q[3];
-    frame_point(f, l->x, l->ends[0], P);
-    frame_point(f, l->x, l->ends[1], Q);
+    bool turned = runs_against(l);
+    frame_point(f, l->x, l->ends[turned], P);
+    frame_point(f, l->x, l->ends[!turned], Q);
     for (int i = 0; i < 3; i++) {
         f->X[i] = (P[i] + Q[i]) / 2;
         f->u[i] = (Q[i] - P[i]) / 2;
