@@ -97,14 +97,6 @@ void arris_abort(arris_pipeline *p);
  */
 void arris_free(arris_pipeline *p);
 
-typedef struct arris_progress {
-    uint64_t frames;  /* that the source has made */
-    uint64_t done;    /* that reached the end of a branch, the slowest's count */
-    uint64_t dropped; /* anywhere */
-    uint64_t lines;   /* measured, in the newest lines layer; 0 when there is none */
-    double seconds;   /* since arris_start */
-} arris_progress;
-
 /* Where the stream stands. From the owner's thread while it runs, or after. */
 arris_progress arris_get_progress(const arris_pipeline *p);
 

@@ -194,6 +194,19 @@ void arris_warn(arris_stage *s, const char *format, ...) __attribute__((format(p
  * string literal; a stage has at most 8. By the stage's own thread. */
 void arris_count(arris_stage *s, const char *name, uint64_t n);
 
+/* What ails the stage now though the stream goes on ("no robot states", "the device is lost"): a
+ * string literal; NULL when all is well again. A change of it is posted as a message; progress has
+ * it as long as it lasts. Any thread. */
+void arris_trouble(arris_stage *s, const char *what);
+
+/* Where the whole stream stands, and every counter of its stages: `f` is called for each, with the
+ * stage's name and the counter's. For stages that tell others. Any thread, from the first call of
+ * process to close; before the stream has started all is 0. */
+arris_progress arris_stage_progress(const arris_stage *s);
+void arris_each_counter(const arris_stage *s,
+                        void (*f)(void *user, const char *stage, const char *name, uint64_t n),
+                        void *user);
+
 /* ---- the frame ------------------------------------------------------------------------------ */
 
 /* The frame's number in the stream, from 0. In finish: how many there were. */
@@ -208,6 +221,11 @@ int64_t arris_frame_index(const arris_frame *f);
 
 /* In a source's process: what the frame is. Latency is counted from this call. */
 void arris_frame_set(arris_frame *f, int64_t index, int64_t utime);
+
+/* When the frame came, by arris_now: that call, unless the source says afterwards that it was
+ * earlier. */
+int64_t arris_frame_arrival(const arris_frame *f);
+void arris_frame_set_arrival(arris_frame *f, int64_t when);
 
 /* A layer of the frame to read; NULL when it has none. Valid until process returns. */
 const void *arris_layer_get(const arris_frame *f, enum arris_layer layer);

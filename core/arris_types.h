@@ -237,6 +237,19 @@ typedef struct arris_verdict {
     int32_t *extra; /* ids of lines */
 } arris_verdict;
 
+/* ---- how the stream goes ----------------------------------------------------------------------
+ */
+
+typedef struct arris_progress {
+    uint64_t frames;                /* that the source has made */
+    uint64_t done;                  /* that reached the end of a branch, the slowest's count */
+    uint64_t dropped;               /* anywhere */
+    uint64_t lines;                 /* measured, in the newest lines layer; 0 when there is none */
+    double seconds;                 /* since the start; 0: it has not started */
+    double p50, p99;                /* ms, from exposure to the end of the first branch */
+    const char *troubled, *trouble; /* the first stage that ails and what ails it; NULL: none */
+} arris_progress;
+
 #ifdef __cplusplus
 }
 #endif

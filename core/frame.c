@@ -62,6 +62,14 @@ void arris_frame_set(arris_frame *f, int64_t index, int64_t utime) {
     f->start = arris_now();
 }
 
+int64_t arris_frame_arrival(const arris_frame *f) {
+    return f->start;
+}
+
+void arris_frame_set_arrival(arris_frame *f, int64_t when) {
+    f->start = when;
+}
+
 const void *arris_layer_get(const arris_frame *f, enum arris_layer layer) {
     return layer < ARRIS_MAX_LAYERS && f->layer[layer] ? f->layer[layer]->data : NULL;
 }

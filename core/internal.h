@@ -309,7 +309,8 @@ struct arris_stage {
     _Alignas(64) atomic_ullong dropped; /* by the lane before a queue, or its own */
     atomic_size_t fill;                 /* of a queue, the greatest; by the lane before it */
     _Alignas(64) atomic_ullong frames;
-    atomic_llong frame; /* the sequence number it works on; -1: none */
+    atomic_llong frame;            /* the sequence number it works on; -1: none */
+    _Atomic(const char *) trouble; /* what ails it; NULL: nothing */
     histogram time;
     struct {
         _Atomic(const char *) name;
@@ -344,7 +345,7 @@ struct arris_pipeline {
     bus bus;
     FILE *trace;
     double ns_per_tick;       /* for the trace */
-    int64_t started;          /* ns */
+    atomic_llong started;     /* ns; 0: has not */
     atomic_llong ended;       /* ns; 0: runs */
     arris_error *setup_error; /* where arris_fail writes before the lanes run */
     bool checked, running;

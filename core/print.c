@@ -47,10 +47,19 @@ void arris_print_dot(const arris_pipeline *p, FILE *out) {
     fprintf(out, "}\n");
 }
 
+static double milliseconds(const histogram *h, double q) {
+    return (double)histogram_quantile(h, q) * 1e-6;
+}
+
 arris_progress arris_get_progress(const arris_pipeline *p) {
-    arris_progress r = {.frames = atomic_load(&p->frames_made), .lines = atomic_load(&p->lines)};
-    int64_t ended = atomic_load(&p->ended);
-    r.seconds = p->started ? (double)((ended ? ended : arris_now()) - p->started) * 1e-9 : 0;
+    int64_t started = atomic_load(&p->started), ended = atomic_load(&p->ended);
+    if (!started)
+        return (arris_progress){0};
+    arris_progress r = {.frames = atomic_load(&p->frames_made),
+                        .lines = atomic_load(&p->lines),
+                        .seconds = (double)((ended ? ended : arris_now()) - started) * 1e-9,
+                        .p50 = milliseconds(&p->latency, 0.5),
+                        .p99 = milliseconds(&p->latency, 0.99)};
     r.done = r.frames;
     for (size_t i = 0; i < p->n_stages; i++) {
         const arris_stage *s = p->stage[i];
@@ -58,8 +67,34 @@ arris_progress arris_get_progress(const arris_pipeline *p) {
         r.dropped += atomic_load(&s->dropped);
         if (!s->n_out && n < r.done)
             r.done = n;
+        if (!r.trouble && (r.trouble = atomic_load(&s->trouble)))
+            r.troubled = s->name;
     }
     return r;
+}
+
+arris_progress arris_stage_progress(const arris_stage *s) {
+    return arris_get_progress(s->pipeline);
+}
+
+/* Calls f for what one stage has counted. */
+static void each_counter(const arris_stage *s,
+                         void (*f)(void *user, const char *stage, const char *name, uint64_t n),
+                         void *user) {
+    for (int i = 0; i < MAX_COUNTERS; i++) {
+        const char *name = atomic_load_explicit(&s->counter[i].name, memory_order_acquire);
+        if (name)
+            f(user, s->name, name, atomic_load(&s->counter[i].n));
+    }
+}
+
+void arris_each_counter(const arris_stage *s,
+                        void (*f)(void *user, const char *stage, const char *name, uint64_t n),
+                        void *user) {
+    const arris_pipeline *p = s->pipeline;
+    if (atomic_load(&p->started))
+        for (size_t i = 0; i < p->n_stages; i++)
+            each_counter(p->stage[i], f, user);
 }
 
 static void print_times(const histogram *h, double us, FILE *out) {
@@ -70,6 +105,11 @@ static void print_times(const histogram *h, double us, FILE *out) {
             (double)atomic_load(&h->max) * us);
 }
 
+static void print_counter(void *out, const char *stage, const char *name, uint64_t n) {
+    (void)stage;
+    fprintf(out, "   %s %llu", name, (unsigned long long)n);
+}
+
 static void print_stage_stats(const arris_stage *s, double us, FILE *out) {
     fprintf(out, "%-16s %9llu %8llu", s->name, (unsigned long long)atomic_load(&s->frames),
             (unsigned long long)atomic_load(&s->dropped));
@@ -77,12 +117,9 @@ static void print_stage_stats(const arris_stage *s, double us, FILE *out) {
     if (s->desc == &stage_queue)
         fprintf(out, "   fill %zu of %d", atomic_load(&s->fill),
                 ((const queue_props *)s->self)->max_frames);
-    for (int i = 0; i < MAX_COUNTERS; i++) {
-        const char *name = atomic_load_explicit(&s->counter[i].name, memory_order_acquire);
-        if (name)
-            fprintf(out, "   %s %llu", name, (unsigned long long)atomic_load(&s->counter[i].n));
-    }
-    fputc('\n', out);
+    each_counter(s, print_counter, out);
+    const char *trouble = atomic_load(&s->trouble);
+    fprintf(out, "%s%s\n", trouble ? "   " : "", trouble ? trouble : "");
 }
 
 void arris_print_stats(const arris_pipeline *p, FILE *out) {

@@ -68,6 +68,16 @@ void arris_count(arris_stage *s, const char *name, uint64_t n) {
     }
 }
 
+void arris_trouble(arris_stage *s, const char *what) {
+    const char *before = atomic_exchange(&s->trouble, what);
+    if (before == what)
+        return;
+    arris_message m = {.severity = what ? ARRIS_WARNING : ARRIS_INFO, .frame = -1};
+    snprintf(m.stage, sizeof m.stage, "%s", s->name);
+    snprintf(m.text, sizeof m.text, "%s%s", what ? "" : "over: ", what ? what : before);
+    bus_post(&s->pipeline->bus, &m);
+}
+
 const char *arris_stage_name(const arris_stage *s) {
     return s->name;
 }
@@ -281,7 +291,7 @@ int arris_start(arris_pipeline *p, arris_error *err) {
     if (!p->checked || p->started)
         return error_set(err, ARRIS_E_USAGE, "call arris_check first, and start once",
                          "the pipeline is not ready to start");
-    p->started = arris_now();
+    atomic_store(&p->started, arris_now());
     atomic_store(&p->leaves_left, p->n_leaves);
     for (size_t i = p->n_lanes; i-- > 0;) {
         int rc = start_lane(&p->lanes[i]);
