@@ -18,7 +18,7 @@ VERSION := 0.1.0
 WARN    := -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion -Werror
 san     := $(SAN:%=-fsanitize=% -fno-omit-frame-pointer)
 base     = $(OPT) $(WARN) -fPIC -fvisibility=hidden -ffp-contract=off -MMD -MP $(san) \
-           -Icore -Iplugins -Iplugins/common -DARRIS_VERSION=\"$(VERSION)\"
+           -Icore -Iplugins -Iplugins/common -I$(B) -DARRIS_VERSION=\"$(VERSION)\"
 cflags   = -std=c11 -D_GNU_SOURCE -Wstrict-prototypes $(base) $(CFLAGS)
 cxxflags = -std=c++17 $(base) $(CXXFLAGS)
 ldflags  = $(san) $(LDFLAGS)
@@ -28,22 +28,25 @@ cli_src    := core/cli/main.c core/cli/launch.c core/cli/stages.c
 common_src := $(sort $(wildcard plugins/common/*.c))
 plugins    := $(filter-out common,$(notdir $(patsubst %/,%,$(sort $(wildcard plugins/*/) \
               $(dir $(wildcard drivers/*/plugin.mk))))))
+types      := $(sort $(wildcard plugins/lcm/types/*.lcm))
+types_c    := $(patsubst plugins/lcm/types/%.lcm,$(B)/lcmtypes/arris_%.c,$(types))
 headers    := core/arris.h core/arris_plugin.h core/arris_geometry.h core/arris_types.h
 
 .PHONY: all demo test check bench experiments lint format install uninstall clean setup-% \
-        run-experiments run-tests run-valgrind run-fuzz fuzzers
+        lcmtypes-python run-experiments run-tests run-valgrind run-fuzz fuzzers
 .DELETE_ON_ERROR:
 .SECONDARY:
-all: $(B)/arris $(plugins:%=$(B)/lib/arris/%.stages)
+all: $(B)/arris $(B)/arris-robot $(plugins:%=$(B)/lib/arris/%.stages)
 
 # What each plugin and test needs beyond core: NAME_PKGS (pkg-config), NAME_CFLAGS, NAME_LIBS, and
 # NAME_uses: the plugins whose objects it is linked with as well.
 include $(wildcard plugins/*/plugin.mk drivers/*/plugin.mk) tests/tests.mk
 common_PKGS := jansson
+robot_PKGS  := lcm
 
 obj         = $(patsubst %,$(B)/obj/%.o,$(1))
 plugin_obj  = $(call obj,$(sort $(wildcard $(foreach d,plugins drivers,$(d)/$(1)/*.c $(d)/$(1)/*.cc))))
-kernel_obj  = $(filter-out %/plugin.c.o,$(plugin_obj))
+kernel_obj  = $(filter-out %/plugin.c.o %/main.c.o,$(plugin_obj))
 used_obj    = $(foreach p,$($(1)_uses),$(call kernel_obj,$(p)))
 pkg_cflags  = $(if $($(1)_PKGS),$(shell pkg-config --cflags $($(1)_PKGS))) $($(1)_CFLAGS)
 pkg_libs    = $(if $($(1)_PKGS),$(shell pkg-config --libs $($(1)_PKGS))) $($(1)_LIBS)
@@ -56,14 +59,26 @@ say = $(if $(V),@:,@echo '$(1)  $(2)')
 
 # ---- objects and programs --------------------------------------------------------------------
 
-$(B)/obj/%.c.o: %.c Makefile | $(B)/packages
+$(B)/obj/%.c.o: %.c Makefile | $(B)/packages $(types_c)
 	@mkdir -p $(@D)
 	$(call say,CC,$<)
 	$(Q)$(CC) $(cflags) $(call pkg_cflags,$(call owner,$*)) -c -o $@ $<
-$(B)/obj/%.cc.o: %.cc Makefile | $(B)/packages
+$(B)/obj/%.cc.o: %.cc Makefile | $(B)/packages $(types_c)
 	@mkdir -p $(@D)
 	$(call say,CXX,$<)
 	$(Q)$(CXX) $(cxxflags) $(call pkg_cflags,$(call owner,$*)) -c -o $@ $<
+
+# Of the LCM types lcm-gen makes C; and Python with `make lcmtypes-python`.
+$(B)/lcmtypes/arris_%.c $(B)/lcmtypes/arris_%.h: plugins/lcm/types/%.lcm | $(B)/packages
+	@mkdir -p $(@D)
+	$(call say,GEN,$@)
+	$(Q)lcm-gen -c --c-cpath $(@D) --c-hpath $(@D) --cinclude lcmtypes $<
+$(types_c:%=%.o): %.c.o: %.c | $(types_c)
+	$(call say,CC,$<)
+	$(Q)$(CC) $(cflags) -w -c -o $@ $<
+lcmtypes-python: $(types) | $(B)/packages
+	@mkdir -p $(B)/python
+	$(Q)lcm-gen -p --ppath $(B)/python $(types)
 
 # Names what is missing before a compiler stumbles over it.
 pkgs := $(sort $(common_PKGS) $(foreach p,$(plugins),$($(p)_PKGS)))
@@ -72,6 +87,8 @@ $(B)/packages: $(wildcard plugins/*/plugin.mk drivers/*/plugin.mk)
 	@for p in $(pkgs); do pkg-config --exists $$p || { \
 	    echo "make: the library $$p is missing; 'make setup-build' installs what the build needs" >&2; \
 	    exit 1; }; done
+	@command -v lcm-gen > /dev/null || { \
+	    echo "make: lcm-gen is missing; 'make setup-build' installs what the build needs" >&2; exit 1; }
 	@touch $@
 
 $(B)/lib/libarris.so.1: $(call obj,$(core_src))
@@ -82,12 +99,15 @@ $(B)/lib/libarris.so.1: $(call obj,$(core_src))
 $(B)/libarris.a: $(call obj,$(core_src))
 	$(call say,AR,$@)
 	$(Q)rm -f $@; $(AR) rcs $@ $^
-$(B)/common.a: $(call obj,$(common_src))
+$(B)/common.a: $(call obj,$(common_src)) $(types_c:%=%.o)
 	$(call say,AR,$@)
 	$(Q)rm -f $@; $(AR) rcs $@ $^
 $(B)/arris: $(call obj,$(cli_src)) $(B)/lib/libarris.so.1
 	$(call say,MAKE,$@)
 	$(Q)$(CC) -o $@ $^ $(ldflags) -Wl,-rpath,'$$ORIGIN/lib:$$ORIGIN/../lib'
+$(B)/arris-robot: $(call obj,$(sort $(wildcard drivers/robot/*.c))) $(B)/common.a $(B)/lib/libarris.so.1
+	$(call say,MAKE,$@)
+	$(Q)$(CC) -o $@ $^ $(ldflags) -Wl,-rpath,'$$ORIGIN/lib:$$ORIGIN/../lib' $(call pkg_libs,robot) -lm
 $(B)/mklist: $(call obj,core/cli/mklist.c)
 	$(call say,MAKE,$@)
 	$(Q)$(CC) -o $@ $^ $(ldflags) -ldl
@@ -105,7 +125,7 @@ $(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
 # ---- set-up: installs the Debian packages that are missing, and says which --------------------
 
 packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev libmd-dev libassimp-dev \
-                  libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
+                  liblcm-dev liblcm-bin libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
 packages_test  := $(packages_build) libcmocka-dev
 packages_check := $(packages_test) clang libclang-rt-14-dev valgrind
 packages_bench := $(packages_test) libgstreamer1.0-dev libopencv-contrib-dev
@@ -210,7 +230,7 @@ include samples/experiments/experiments.mk
 
 install: all
 	install -d $(addprefix $(DESTDIR),$(PREFIX)/bin $(LIBDIR)/arris $(LIBDIR)/pkgconfig $(PREFIX)/include/arris)
-	install $(B)/arris $(DESTDIR)$(PREFIX)/bin
+	install $(B)/arris $(B)/arris-robot $(DESTDIR)$(PREFIX)/bin
 	install $(B)/lib/libarris.so.1 $(DESTDIR)$(LIBDIR)
 	ln -sf libarris.so.1 $(DESTDIR)$(LIBDIR)/libarris.so
 	install -m 644 $(headers) $(DESTDIR)$(PREFIX)/include/arris
@@ -219,7 +239,7 @@ install: all
 	sed 's|@PREFIX@|$(PREFIX)|; s|@LIBDIR@|$(LIBDIR)|; s|@VERSION@|$(VERSION)|' core/arris.pc.in \
 	    > $(DESTDIR)$(LIBDIR)/pkgconfig/arris.pc
 uninstall:
-	rm -f $(addprefix $(DESTDIR),$(PREFIX)/bin/arris $(LIBDIR)/libarris.so.1 $(LIBDIR)/libarris.so \
+	rm -f $(addprefix $(DESTDIR),$(addprefix $(PREFIX)/bin/,arris arris-robot) $(LIBDIR)/libarris.so.1 $(LIBDIR)/libarris.so \
 	    $(LIBDIR)/pkgconfig/arris.pc $(plugins:%=$(LIBDIR)/arris/%.so) $(plugins:%=$(LIBDIR)/arris/%.stages) \
 	    $(headers:core/%=$(PREFIX)/include/arris/%))
 	-rmdir $(addprefix $(DESTDIR),$(LIBDIR)/arris $(PREFIX)/include/arris) 2>/dev/null

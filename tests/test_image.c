@@ -13,7 +13,7 @@
 
 #include "bytes.h"
 #include "camera.h"
-#include "image/frames.h"
+#include "frames.h"
 #include "image/picture.h"
 #include "internal.h"
 #include "scratch.h"

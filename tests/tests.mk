@@ -2,7 +2,6 @@
 valgrind_tests := image:* edges:*tiny* segments:any_size
 test-parts: $(B)/report
 bench_runtime_PKGS := gstreamer-1.0
-fuzz_frames_uses := image
 fuzz_decode_uses := image
 
 # The runtime's tests load plugins and preload a library that are made for them. Their stages call

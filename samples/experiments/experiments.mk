@@ -3,7 +3,7 @@
 #   make chapter3                      runs them all
 #   make build/experiments/bin/noise   makes one; it runs from the repository's root
 chapter3    := epipolar projection staircase translation baseline box parallel noise
-exp_common  := $(sort $(wildcard samples/experiments/common/*.c)) plugins/image/frames.c
+exp_common  := $(sort $(wildcard samples/experiments/common/*.c))
 exp_program := $(B)/experiments/bin/
 
 .PHONY: chapter3

@@ -15,7 +15,7 @@
 #include "bytes.h"
 #include "camera.h"
 #include "csv.h"
-#include "image/frames.h"
+#include "frames.h"
 
 /* ---- files ---------------------------------------------------------------------------------- */
 
