@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
  * lcmsink.c: the stage `lcmsink`: tells whoever listens on LCM what the pipeline has: lines as they
- * change, segments, its status, pictures.
+ * change, segments, the verdict, its status, pictures.
  *
  * Every second the lines are told whole, for those who came late or lost a message, and at the end
  * once more. The status is sent by the LCM thread, so it goes on when no frame comes.
@@ -13,7 +13,7 @@
 #include "lcmtypes/arris_lines_t.h"
 #include "outbox.h"
 
-enum { LINES, SEGMENTS, PREVIEW, IMAGES, CONTENTS };
+enum { LINES, SEGMENTS, VERDICT, PREVIEW, IMAGES, CONTENTS };
 static const double WHOLE = 1; /* s, from one whole set of lines to the next */
 
 struct lcmsink {
@@ -93,6 +93,7 @@ static int process(arris_stage *s, void *self, arris_frame *f) {
     struct lcmsink *k = self;
     const arris_lines *lines = arris_layer_get(f, ARRIS_LINES);
     const arris_segments *segments = arris_layer_get(f, ARRIS_SEGMENTS);
+    const arris_verdict *verdict = arris_layer_get(f, ARRIS_VERDICT);
     const arris_image *image = arris_layer_get(f, ARRIS_IMAGE);
     int bad = 0;
     k->last = (stamp){arris_frame_utime(f), arris_frame_index(f)};
@@ -100,6 +101,8 @@ static int process(arris_stage *s, void *self, arris_frame *f) {
         send_lines(k, lines);
     if (segments && is_due(k, SEGMENTS))
         bad |= outbox_segments(k->out, &k->last, segments, arris_layer_get(f, ARRIS_TRACKS));
+    if (verdict && is_due(k, VERDICT))
+        bad |= outbox_verdict(k->out, &k->last, verdict, false);
     if (image && is_due(k, IMAGES))
         bad |= outbox_image(k->out, &k->last, image);
     if (image && is_due(k, PREVIEW))
@@ -112,11 +115,14 @@ static int process(arris_stage *s, void *self, arris_frame *f) {
 static int finish(arris_stage *s, void *self, arris_frame *f) {
     struct lcmsink *k = self;
     const arris_lines *lines = arris_layer_get(f, ARRIS_LINES);
+    const arris_verdict *verdict = arris_layer_get(f, ARRIS_VERDICT);
     (void)s;
     if (lines && k->rate[LINES] != 0) {
         book_update(&k->book, lines);
         outbox_lines(k->out, &k->last, ARRIS_LINES_T_FINAL, &k->book, lines);
     }
+    if (verdict && k->rate[VERDICT] != 0)
+        outbox_verdict(k->out, &k->last, verdict, true);
     pthread_mutex_lock(&k->mutex);
     if (k->status > 0)
         send_status(k, true);
@@ -133,6 +139,7 @@ static int settle(arris_stage *s, void *self, arris_layers *l) {
     static const uint32_t layers[CONTENTS] = {[LINES] = ARRIS_BIT(ARRIS_LINES),
                                               [SEGMENTS] = ARRIS_BIT(ARRIS_SEGMENTS) |
                                                            ARRIS_BIT(ARRIS_TRACKS),
+                                              [VERDICT] = ARRIS_BIT(ARRIS_VERDICT),
                                               [PREVIEW] = ARRIS_BIT(ARRIS_IMAGE),
                                               [IMAGES] = ARRIS_BIT(ARRIS_IMAGE)};
     const struct lcmsink *k = self;
@@ -182,6 +189,8 @@ static const arris_prop props[] = {
                       "what has changed of the lines: how often, 0: never, every: with each frame"),
     ARRIS_P_DOUBLE_OR(T, rate[SEGMENTS], "segments", "every", "0", 0, 1000, "1/s",
                       "the segments, likewise"),
+    ARRIS_P_DOUBLE_OR(T, rate[VERDICT], "verdict", "every", "2", 0, 1000, "1/s",
+                      "the verdict, and at the end the last one, likewise"),
     ARRIS_P_DOUBLE_OR(T, rate[IMAGES], "images", "every", "0", 0, 1000, "1/s",
                       "the picture as it is, for lcmsrc on the same machine, likewise"),
     ARRIS_P_DOUBLE(T, rate[PREVIEW], "preview", "0", 0, 10, "1/s",
@@ -193,11 +202,12 @@ static const arris_prop props[] = {
 const arris_stage_desc stage_lcmsink = {
     .size = sizeof(arris_stage_desc),
     .name = "lcmsink",
-    .summary = "tells on LCM: lines as they change, segments, status, pictures",
+    .summary = "tells on LCM: lines as they change, segments, status, the verdict, pictures",
     .example = "imagesrc location=frames.csv ! lcmsink images=every url=file://run.lcmlog?mode=w",
     .flags = ARRIS_SINK,
     .layers = {.wants = ARRIS_BIT(ARRIS_IMAGE) | ARRIS_BIT(ARRIS_SEGMENTS) |
-                        ARRIS_BIT(ARRIS_TRACKS) | ARRIS_BIT(ARRIS_LINES)},
+                        ARRIS_BIT(ARRIS_TRACKS) | ARRIS_BIT(ARRIS_LINES) |
+                        ARRIS_BIT(ARRIS_VERDICT)},
     .self_size = sizeof(struct lcmsink),
     .props = props,
     .n_props = sizeof props / sizeof *props,

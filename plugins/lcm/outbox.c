@@ -12,16 +12,24 @@
 #include "lcmtypes/arris_preview_t.h"
 #include "lcmtypes/arris_segments_t.h"
 #include "lcmtypes/arris_status_t.h"
+#include "lcmtypes/arris_verdict_t.h"
 #include "messages.h"
 
 enum {
     LINES = 200,     /* of a message: 246 bytes each */
     SEGMENTS = 2000, /* of a message: 24 bytes each */
+    FEATURES = 100,  /* of a message: 420 bytes each at most */
+    EXTRA = 2000,    /* lines, of a verdict */
     COUNTERS = 64,   /* of a status */
     PREVIEW = 56000, /* pixels */
     HEAD = 500,      /* bytes of an image's message that are not its data */
+    REASON = 200,    /* characters */
     NAME = 64
 };
+
+enum { TO_LINES, TO_SEGMENTS, TO_VERDICT, TO_STATUS, TO_PREVIEW, TO_IMAGE, CHANNELS };
+static const char *const names[CHANNELS] = {"LINES",  "SEGMENTS", "VERDICT",
+                                            "STATUS", "PREVIEW",  "IMAGE"};
 
 /* The arrays of a message of lines; of those with two dimensions lcm-gen wants pointers to the
  * rows.
@@ -41,22 +49,21 @@ typedef struct segment_arrays {
 struct outbox {
     lcm_link *link;
     int64_t scan;
-    char channel[5][NAME]; /* by enum */
-    int32_t seq[5], line_set;
+    char channel[CHANNELS][NAME];
+    int32_t seq[CHANNELS], line_set, verdict_set;
 
     line_arrays lines;
     segment_arrays segments;
     int32_t *track_of; /* by segment */
     size_t max_segments;
+    arris_verdict_feature_t features[FEATURES];
+    char reasons[FEATURES][REASON];
     arris_status_counter_t counters[COUNTERS];
     uint8_t small[PREVIEW];
     uint8_t buffer[MESSAGE_MAX], status[MESSAGE_MAX]; /* the status is sent by another thread */
     uint8_t *image, *rows; /* an image's message, and its data before it is encoded */
     size_t max_image;
 };
-
-enum { TO_LINES, TO_SEGMENTS, TO_STATUS, TO_PREVIEW, TO_IMAGE };
-static const char *const names[] = {"LINES", "SEGMENTS", "STATUS", "PREVIEW", "IMAGE"};
 
 static void point_at_rows(outbox *o) {
     for (int i = 0; i < LINES; i++) {
@@ -83,7 +90,7 @@ outbox *outbox_new(lcm_link *link, const char *prefix, const arris_caps *caps, s
     o->scan = link_utime();
     o->max_segments = segments;
     o->max_image = data + HEAD;
-    for (int i = 0; i < 5; i++) {
+    for (int i = 0; i < CHANNELS; i++) {
         int n = snprintf(o->channel[i], NAME, "%s%s", prefix, names[i]);
         if (n < NAME && link_check_channel(o->channel[i], f) == 0)
             continue;
@@ -108,6 +115,11 @@ void outbox_free(outbox *o) {
 static int post(outbox *o, int to, const uint8_t *data, int n) {
     o->seq[to]++;
     return n < 0 ? ARRIS_E_IO : link_publish(o->link, o->channel[to], data, (size_t)n);
+}
+
+/* The generated structs have no const. */
+static char *text(const char *s) {
+    return (char *)(uintptr_t)s;
 }
 
 /* Messages for n items; an empty set is one message too. */
@@ -215,6 +227,55 @@ int outbox_segments(outbox *o, const stamp *s, const arris_segments *segments,
     return rc;
 }
 
+/* ---- the verdict -------------------------------------------------------------------------------
+ */
+
+static void put_feature(arris_verdict_feature_t *m, char reason[REASON], const arris_feature *f) {
+    snprintf(reason, REASON, "%s", f->reason ? f->reason : "");
+    *m = (arris_verdict_feature_t){.id = text(f->id),
+                                   .is_angle = f->is_angle,
+                                   .verdict = (int8_t)f->verdict,
+                                   .deviation = f->deviation,
+                                   .U = f->U,
+                                   .worst = f->worst,
+                                   .worst_U = f->worst_U,
+                                   .straightness = f->straightness,
+                                   .tolerance = f->tolerance,
+                                   .line = f->line,
+                                   .reason = reason};
+    memcpy(m->p, f->p, sizeof m->p);
+    memcpy(m->q, f->q, sizeof m->q);
+    memcpy(m->at, f->at, sizeof m->at);
+}
+
+int outbox_verdict(outbox *o, const stamp *s, const arris_verdict *v, bool final) {
+    arris_verdict_t m = {.utime = s->utime,
+                         .scan = o->scan,
+                         .frame = s->frame,
+                         .set = o->verdict_set++,
+                         .parts = parts_for(v->n, FEATURES),
+                         .final = final,
+                         .verdict = (int8_t)v->verdict,
+                         .tolerance = v->tolerance,
+                         .coverage_factor = v->coverage_factor,
+                         .model = text(v->model),
+                         .calibration = text(v->calibration),
+                         .recipe = text(""),
+                         .total = (int32_t)v->n,
+                         .feature = o->features,
+                         .n_extra = (int32_t)(v->n_extra < EXTRA ? v->n_extra : EXTRA),
+                         .extra = v->extra};
+    int rc = 0;
+    for (uint32_t i = 0; m.part < m.parts && rc == 0; m.part++, m.n_extra = 0) {
+        m.seq = o->seq[TO_VERDICT];
+        for (m.n = 0; i < v->n && m.n < FEATURES; i++, m.n++)
+            put_feature(&o->features[m.n], o->reasons[m.n], &v->item[i]);
+        rc = post(o, TO_VERDICT, o->buffer,
+                  arris_verdict_t_encode(o->buffer, 0, sizeof o->buffer, &m));
+    }
+    return rc;
+}
+
 /* ---- pictures ----------------------------------------------------------------------------------
  */
 
@@ -279,11 +340,6 @@ typedef struct counters {
     arris_status_counter_t *item;
     int32_t n;
 } counters;
-
-/* The generated structs have no const. */
-static char *text(const char *s) {
-    return (char *)(uintptr_t)s;
-}
 
 static void add_counter(void *user, const char *stage, const char *name, uint64_t n) {
     counters *c = user;

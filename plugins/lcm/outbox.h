@@ -19,8 +19,8 @@ typedef struct stamp {
     int64_t utime, frame; /* µs; the frame's index */
 } stamp;
 
-/* Messages go to the channels PREFIXLINES and so on. `caps` says the size of images; `lines` and
- * `segments` how many there are at most. NULL with *f filled: ARRIS_E_MEMORY, _USAGE. */
+/* Messages go to the channels PREFIX + LINES and so on. `caps` says the size of images, `segments`
+ * how many there are at most. NULL with *f filled: ARRIS_E_MEMORY, _USAGE. */
 outbox *outbox_new(lcm_link *link, const char *prefix, const arris_caps *caps, size_t segments,
                    fault *f);
 void outbox_free(outbox *o); /* NULL is allowed */
@@ -34,6 +34,9 @@ int outbox_segments(outbox *o, const stamp *s, const arris_segments *segments,
                     const arris_tracks *tracks);
 
 int outbox_image(outbox *o, const stamp *s, const arris_image *image);
+
+/* `final`: the scan has ended. */
+int outbox_verdict(outbox *o, const stamp *s, const arris_verdict *v, bool final);
 
 /* The image made small, by whole factors, with 8 bits. */
 int outbox_preview(outbox *o, const stamp *s, const arris_image *image);
