@@ -40,6 +40,8 @@ struct filesink {
     int32_t *track_of; /* of segments.csv: by segment */
     char recipe_hash[65];
     report report;
+    const arris_camera *camera; /* of frames.csv; NULL: unknown */
+    uint64_t recorded;          /* frames */
 };
 
 static const arris_prop props[] = {
@@ -160,6 +162,21 @@ static int end_tracks(arris_stage *s, struct filesink *k, const arris_frame *f) 
     return rc ? cannot_write(s, k, errno ? errno : EIO) : 0;
 }
 
+/* ---- frames.csv ----------------------------------------------------------------------------- */
+
+static int begin_recording(arris_stage *s, struct filesink *k, const arris_frame *f) {
+    (void)f;
+    int error = recording_begin(k->out.file, k->location, k->camera);
+    return error ? cannot_write(s, k, error) : 0;
+}
+
+static int frame_recording(arris_stage *s, struct filesink *k, const arris_frame *f) {
+    int error = recording_frame(k->out.file, k->location, k->recorded++, arris_frame_index(f),
+                                arris_frame_utime(f), arris_layer_get(f, ARRIS_IMAGE),
+                                arris_layer_get(f, ARRIS_POSE));
+    return error ? cannot_write(s, k, error) : 0;
+}
+
 /* ---- the kinds of file ---------------------------------------------------------------------- */
 
 enum {
@@ -181,6 +198,7 @@ static const writer writers[] = {
     {".svg", LINES, POSE, NULL, frame_svg, end_lines, NULL},
     {"segments.csv", SEGMENTS, TRACKS, begin_segments, frame_segments, NULL, NULL},
     {"tracks.csv", TRACKS, 0, begin_tracks, frame_tracks, end_tracks, NULL},
+    {"frames.csv", IMAGE, POSE, begin_recording, frame_recording, NULL, NULL},
 };
 enum { N_WRITERS = sizeof writers / sizeof *writers };
 
@@ -233,7 +251,7 @@ static int run(arris_stage *s, struct filesink *k, step *todo, const arris_frame
 
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
     struct filesink *k = self;
-    (void)caps;
+    k->camera = caps->camera;
     k->c = newlocale(LC_NUMERIC_MASK, "C", 0);
     if (!k->c)
         return arris_fail(s, ARRIS_E_MEMORY, NULL, "no memory for the numbers' format");
@@ -271,7 +289,8 @@ const arris_stage_desc stage_filesink = {
     .size = sizeof(arris_stage_desc),
     .name = "filesink",
     .summary = "writes lines (.json .ply .obj .dxf .svg), verdict.json, a report (.html), "
-               "segments.csv or tracks.csv",
+               "segments.csv, tracks.csv, or the frames themselves (frames.csv with pictures and "
+               "camera.json beside it)",
     .example = "imagesrc location=frames.csv ! edges ! undistort ! segments "
                "! filesink location=segments.csv",
     .flags = ARRIS_SINK,

@@ -72,4 +72,16 @@ void segments_write(FILE *out, int64_t frame, const arris_segments *segments,
 void tracks_spool(FILE *spool, const arris_tracks *tracks);
 int tracks_write(FILE *out, FILE *spool, uint32_t total);
 
+/* ---- pictures ------------------------------------------------------------------------------- */
+
+/* A picture as PNG. False when it could not be written. */
+bool png_write(FILE *out, const arris_image *image);
+
+/* A scan as imagesrc plays it: `csv` is frames.csv, which is to be at `location`; beside it go
+ * frames/0000.png and so on, numbered by n, and camera.json unless `camera` is NULL. `pose` may be
+ * NULL or invalid. The functions return 0 or an errno. */
+int recording_begin(FILE *csv, const char *location, const arris_camera *camera);
+int recording_frame(FILE *csv, const char *location, uint64_t n, int64_t index, int64_t utime,
+                    const arris_image *image, const arris_pose *pose);
+
 #endif
