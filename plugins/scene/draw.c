@@ -181,7 +181,7 @@ static void lay(draw *d, double x, double y0, double y1, double jump) {
     }
 }
 
-static void draw_inside(draw *d, double x0, double y0, double x1, double y1, double jump) {
+void draw_piece(draw *d, double x0, double y0, double x1, double y1, double jump) {
     int n = 1 + (int)fmin(hypot(x1 - x0, y1 - y0) / STEP, MAX_BITS);
     double u0, v0, u1, v1;
     through_lens(d, x0, y0, &u0, &v0);
@@ -191,27 +191,6 @@ static void draw_inside(draw *d, double x0, double y0, double x1, double y1, dou
         lay(d, (u0 + u1) / 2 + 0.5 + d->pad, v0 + d->radius, v1 + d->radius, jump);
         u0 = u1, v0 = v1;
     }
-}
-
-/* What lies left of the window moves the level at its left border; what lies right of it, nothing.
- */
-void draw_piece(draw *d, double x0, double y0, double x1, double y1, double jump) {
-    double left = d->window[0], right = d->window[2];
-    if (x0 > x1) {
-        double x = x0, y = y0;
-        x0 = x1, y0 = y1, x1 = x, y1 = y, jump = -jump;
-    }
-    if (x0 < left) {
-        double y = x1 > left ? y0 + (left - x0) / (x1 - x0) * (y1 - y0) : y1;
-        draw_inside(d, left, y0, left, y, jump);
-        x0 = left, y0 = y;
-    }
-    if (x1 > right) {
-        y1 = y0 + (right - x0) / (x1 - x0) * (y1 - y0);
-        x1 = right;
-    }
-    if (x0 < right && x1 > left)
-        draw_inside(d, x0, y0, x1, y1, jump);
 }
 
 /* ---- the picture ----------------------------------------------------------------------------- */

@@ -29,9 +29,9 @@ const double *draw_window(const draw *d);
 
 void draw_clear(draw *d);
 
-/* A piece of border from (x0, y0) to (x1, y1), in ideal pixels within the window as to y. `jump` is
- * the grey level at its greater x less that at its smaller x when y1 > y0, and the opposite when
- * y1 < y0. */
+/* A piece of border from (x0, y0) to (x1, y1), in ideal pixels. What is left of the window must
+ * have been moved onto its left border, what is right of it may be missing. `jump` is the grey
+ * level at its greater x less that at its smaller x when y1 > y0, and the opposite when y1 < y0. */
 void draw_piece(draw *d, double x0, double y0, double x1, double y1, double jump);
 
 /* The picture: `background` where there is no region, noise of sigma `noise` (grey levels), rounded

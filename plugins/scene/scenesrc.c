@@ -16,7 +16,7 @@
 #include "camera.h"
 #include "frames.h"
 #include "mix.h"
-#include "path.h"
+#include "route.h"
 #include "view.h"
 
 enum { SLICE = 100000000 /* ns */, FRAMES = 135 };
@@ -27,7 +27,7 @@ struct scenesrc {
     double fps, psf, noise, jitter, jitter_rot, light[3];
     bool live;
     view_light shade;
-    path path;
+    route route;
 
     frame_list list; /* of poses= */
     arris_camera camera;
@@ -70,8 +70,8 @@ static int load_cell(struct scenesrc *c, size_t *flat, fault *f) {
     return r == 0 ? cell_light_up(&c->cell, c->light, f) : r;
 }
 
-static int load_path(struct scenesrc *c, fault *f) {
-    c->path.kind = (enum path_kind)c->kind;
+static int load_route(struct scenesrc *c, fault *f) {
+    c->route.kind = (enum route_kind)c->kind;
     c->end = c->frames >= 0 ? c->frames : FRAMES;
     if (!c->poses)
         return 0;
@@ -89,7 +89,7 @@ static int prepare(struct scenesrc *c, size_t *flat, fault *f) {
     if (!c->location)
         return fault_set(f, ARRIS_E_USAGE, "give it a scene: an OBJ or STL file in mm",
                          "no location= is given");
-    int r = load_path(c, f);
+    int r = load_route(c, f);
     if (r == 0)
         r = find_camera(c, f);
     if (r == 0)
@@ -163,7 +163,7 @@ static void report(const struct scenesrc *c, int64_t i, arris_pose *pose, int64_
         *index = e->index;
         *utime = e->utime;
     } else {
-        path_pose(&c->path, i, c->end, pose);
+        route_pose(&c->route, i, c->end, pose);
     }
     if (c->live)
         *utime = c->began_utime + since_start(c, i);
@@ -183,7 +183,7 @@ static int process(arris_stage *s, void *self, arris_frame *frame) {
     report(c, i, pose, &index, &utime);
     truth = *pose;
     if (c->jitter > 0 || c->jitter_rot > 0)
-        path_shake(&truth, c->jitter, c->jitter_rot, mix(seed));
+        route_shake(&truth, c->jitter, c->jitter_rot, mix(seed));
     image->camera = &c->camera;
     view_take(c->view, &truth, c->noise, seed, image);
     arris_frame_set(frame, index, utime);
@@ -209,14 +209,15 @@ static const arris_prop props[] = {
     ARRIS_P_INFILE(T, poses, "poses", NULL, "a frames.csv whose poses are taken instead"),
     ARRIS_P_INT_OR(T, frames, "frames", "auto", "auto", 0, FRAMES_MAX, NULL,
                    "how many; 0: without end; auto: 135, or as many as there are poses"),
-    ARRIS_P_DOUBLE(T, path.step, "step", "4.1", -1000, 1000, "mm", "from frame to frame"),
-    ARRIS_P_DOUBLE(T, path.radius, "radius", "800", 1, 1e5, "mm", "of the arc"),
-    ARRIS_P_DOUBLE(T, path.middle[0], "x", "0", -1e5, 1e5, "mm", "the middle of the path"),
-    ARRIS_P_DOUBLE(T, path.middle[1], "y", "0", -1e5, 1e5, "mm", "likewise"),
-    ARRIS_P_DOUBLE(T, path.middle[2], "z", "0", -1e5, 1e5, "mm", "likewise"),
-    ARRIS_P_DOUBLE(T, path.middle[3], "omega", "0", -7, 7, "rad", "how the camera is turned there"),
-    ARRIS_P_DOUBLE(T, path.middle[4], "theta", "0", -7, 7, "rad", "likewise"),
-    ARRIS_P_DOUBLE(T, path.middle[5], "kappa", "0", -7, 7, "rad", "likewise"),
+    ARRIS_P_DOUBLE(T, route.step, "step", "4.1", -1000, 1000, "mm", "from frame to frame"),
+    ARRIS_P_DOUBLE(T, route.radius, "radius", "800", 1, 1e5, "mm", "of the arc"),
+    ARRIS_P_DOUBLE(T, route.middle[0], "x", "0", -1e5, 1e5, "mm", "the middle of the path"),
+    ARRIS_P_DOUBLE(T, route.middle[1], "y", "0", -1e5, 1e5, "mm", "likewise"),
+    ARRIS_P_DOUBLE(T, route.middle[2], "z", "0", -1e5, 1e5, "mm", "likewise"),
+    ARRIS_P_DOUBLE(T, route.middle[3], "omega", "0", -7, 7, "rad",
+                   "how the camera is turned there"),
+    ARRIS_P_DOUBLE(T, route.middle[4], "theta", "0", -7, 7, "rad", "likewise"),
+    ARRIS_P_DOUBLE(T, route.middle[5], "kappa", "0", -7, 7, "rad", "likewise"),
     ARRIS_P_DOUBLE(T, fps, "fps", "30", 0.001, 1000, "1/s", "frames a second"),
     ARRIS_P_BOOL(T, live, "live", "false", "takes them in real time, not as fast as it goes"),
     ARRIS_P_DOUBLE(T, psf, "psf", "0.8", DRAW_MIN_PSF, 5, "px",

@@ -158,14 +158,34 @@ static double at(const edge *e, double y) {
     return y >= e->y1 ? e->x1 : y <= e->y0 ? e->x0 : e->x0 + (y - e->y0) * e->slope;
 }
 
+/* A piece from y0 to y1, on one side of each border of the window. What is left of the window moves
+ * along the line onto its border; what is right of it is nobody's concern. */
+static void emit_piece(const sweep *w, const edge *e, double y0, double y1) {
+    sweep_piece p = {.left = e->left, .right = e->right};
+    if (!(y1 > y0) || at(e, (y0 + y1) / 2) > w->right)
+        return;
+    p.x0 = fmax(at(e, y0), w->left), p.x1 = fmax(at(e, y1), w->left);
+    p.y0 = y0 - SHEAR * p.x0;
+    p.y1 = y1 - SHEAR * p.x1;
+    w->emit(w->to, &p);
+}
+
+/* Where the edge comes to x, if it does from y0 to y1; else one of the two. */
+static double meet(const edge *e, double x, double y0, double y1) {
+    double y = e->slope != 0 ? e->y0 + (x - e->x0) / e->slope : y0;
+    return fmin(fmax(y, y0), y1);
+}
+
+/* The edge's sides are about to change, or it ends: emits what had the old ones. */
 static void flush(sweep *w, edge *e, double y) {
-    if (e->left != e->right && y > e->since) {
-        sweep_piece p = {.x0 = at(e, e->since), .x1 = at(e, y), .left = e->left, .right = e->right};
-        p.y0 = e->since - SHEAR * p.x0;
-        p.y1 = y - SHEAR * p.x1;
-        w->emit(w->to, &p);
-    }
+    double y0 = e->since;
     e->since = y;
+    if (e->left == e->right || !(y > y0))
+        return;
+    double a = meet(e, w->left, y0, y), b = meet(e, w->right, y0, y);
+    emit_piece(w, e, y0, fmin(a, b));
+    emit_piece(w, e, fmin(a, b), fmax(a, b));
+    emit_piece(w, e, fmax(a, b), y);
 }
 
 /* Looks along the line at the middle of a layer from y0 to y1, in which no edges cross. */

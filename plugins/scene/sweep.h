@@ -54,9 +54,11 @@ uint32_t sweep_point(sweep *w, double x, double y);
  * is beyond the room is left out. */
 void sweep_edge(sweep *w, uint32_t p, uint32_t q, const sweep_toggle *toggle, uint32_t n);
 
-/* Emits the pieces within `window` (x0, y0, x1, y1). depth[plane] is (a, b, c): a x + b y + c is
- * how near the plane is at (x, y), greater being nearer. `seen` and `hidden`, when not NULL, are
- * set to 1 for every plane of which something is seen, or is hidden by another. Allocates nothing.
+/* Emits the pieces within `window` (x0, y0, x1, y1); those left of it are moved onto its left
+ * border, so that along every line all that changes before the window is there. depth[plane] is (a,
+ * b, c): a x + b y + c is how near the plane is at (x, y), greater being nearer. `seen` and
+ * `hidden`, when not NULL, are set to 1 for every plane of which something is seen, or is hidden by
+ * another. Allocates nothing.
  */
 void sweep_run(sweep *w, const double window[4], const double (*depth)[3], uint8_t *seen,
                uint8_t *hidden, sweep_emit *emit, void *to);

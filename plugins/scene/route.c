@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * path.c: the poses of a simulated camera (path.h).
+ * route.c: the poses of a simulated camera (route.h).
  */
-#include "path.h"
+#include "route.h"
 
 #include <math.h>
 #include <string.h>
@@ -26,23 +26,23 @@ static void move(arris_pose *pose, double x, double y, double z) {
         pose->C[k] += pose->R[k] * x + pose->R[3 + k] * y + pose->R[6 + k] * z;
 }
 
-void path_pose(const path *p, int64_t i, int64_t n, arris_pose *pose) {
+void route_pose(const route *p, int64_t i, int64_t n, arris_pose *pose) {
     double s = ((double)i - (n > 0 ? (double)(n - 1) / 2 : 0)) * p->step, A[9];
     memset(pose, 0, sizeof *pose);
     pose->valid = true;
     memcpy(pose->C, p->middle, sizeof pose->C);
     arris_rotation(p->middle[3], p->middle[4], p->middle[5], pose->R);
-    if (p->kind == PATH_ARC) {
+    if (p->kind == ROUTE_ARC) {
         double angle = s / p->radius;
         move(pose, p->radius * sin(angle), 0, p->radius * (1 - cos(angle)));
         arris_rotation(0, -angle, 0, A);
         turn(pose, A);
     } else {
-        move(pose, p->kind == PATH_X ? s : 0, p->kind == PATH_Y ? s : 0, 0);
+        move(pose, p->kind == ROUTE_X ? s : 0, p->kind == ROUTE_Y ? s : 0, 0);
     }
 }
 
-void path_shake(arris_pose *pose, double position, double rotation, uint64_t seed) {
+void route_shake(arris_pose *pose, double position, double rotation, uint64_t seed) {
     double e[6], A[9];
     for (int k = 0; k < 6; k++)
         e[k] = mix_normal(seed, (uint64_t)k);
