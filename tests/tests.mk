@@ -3,6 +3,7 @@ valgrind_tests := image:* edges:*tiny* segments:any_size
 test-parts: $(B)/report
 bench_runtime_PKGS := gstreamer-1.0
 fuzz_decode_uses := image
+fuzz_scene_uses := scene
 
 # The runtime's tests load plugins and preload a library that are made for them. Their stages call
 # the runtime that the test itself is linked with.
