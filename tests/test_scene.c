@@ -16,10 +16,14 @@
 #include <math.h>
 
 #include "arris_geometry.h"
+#include "arris_plugin.h"
 #include "bytes.h"
 #include "csv.h"
 #include "frames.h"
+#include "lcmtypes/arris_robot_state_t.h"
+#include "link.h"
 #include "one_error.h"
+#include "scene/follow.h"
 #include "scene/mesh.h"
 #include "scene/view.h"
 #include "scratch.h"
@@ -529,10 +533,70 @@ static void live_is_in_time(void **state) {
     for (size_t i = 0; i < list.n; i++) {
         const frame_entry *e = &list.item[i];
         int64_t since = e->utime - list.item[0].utime;
-        assert_int_equal(since, 50000 * (e->index - list.item[0].index));
+        assert_true(llabs(since - 50000 * (e->index - list.item[0].index)) < 2000);
         assert_true(fabs(e->pose[0] - 4.1 * (double)(e->index - 5)) < 1e-5);
     }
     frames_free(&list);
+}
+
+/* ---- the simulated robot --------------------------------------------------------------------- */
+
+static void say(lcm_link *l, int64_t utime, int64_t session, double x) {
+    static uint8_t data[1000];
+    arris_robot_state_t s = {.utime = utime,
+                             .session = session,
+                             .pos = {x, 20, 30},
+                             .quat = {0, 1, 0, 0}, /* about x by 180 degrees: z looks down */
+                             .message = (char[]){""}};
+    int n = arris_robot_state_t_encode(data, 0, sizeof data, &s);
+    assert_true(n > 0 && link_publish(l, "ROBOT_TRUTH", data, (size_t)n) == 0);
+}
+
+static int64_t in_ms(int ms) {
+    return arris_now() + ms * INT64_C(1000000);
+}
+
+/* Between what the robot says, never beyond it; the camera sits on its flange. */
+static void the_robot_is_followed(void **state) {
+    (void)state;
+    fault f;
+    follow *w;
+    arris_pose pose;
+    scratch_write("handeye.json",
+                  "{\"camera_to_flange\": {\"x\": 1, \"y\": 2, \"z\": 3, \"qw\": 1, "
+                  "\"qx\": 0, \"qy\": 0, \"qz\": 0}}");
+    if (follow_new(&w, "memq://scene", scratch("handeye.json"), &f))
+        fail_msg("%s", f.text);
+    lcm_link *l = link_open("memq://scene", &f);
+    assert_false(follow_pose(w, 1000000, in_ms(50), &pose));
+    for (int i = 0; i < 10; i++)
+        say(l, 1000000 + 5000 * i, 1, 10 * i);
+    assert_true(follow_pose(w, 1012500, in_ms(5000), &pose));
+    assert_true(fabs(pose.C[0] - 26) < 1e-9 && fabs(pose.C[1] - 18) < 1e-9);
+    assert_true(fabs(pose.C[2] - 27) < 1e-9 && fabs(pose.R[8] + 1) < 1e-9);
+    assert_false(follow_pose(w, 1045001, in_ms(50), &pose)); /* it has not said so yet */
+    assert_false(follow_pose(w, 999999, in_ms(5000), &pose));
+    assert_int_equal(link_publish(l, "ROBOT_TRUTH", "rubbish", 7), 0);
+    for (int i = 0; i < 2; i++) /* another session, earlier */
+        say(l, 500000 + 5000 * i, 2, 5);
+    for (int i = 0; i < 5000 && !follow_pose(w, 502000, in_ms(1), &pose); i++)
+        nanosleep(&(struct timespec){0, 1000000}, NULL);
+    assert_true(pose.C[0] == 6);
+    link_close(l);
+    follow_free(w);
+    assert_int_equal(follow_new(&w, "nonsense://", NULL, &f) < 0, 1);
+    follow_free(w);
+}
+
+/* Without a robot nothing is rendered, and the stream ends in time all the same. */
+static void without_a_robot_there_are_no_frames(void **state) {
+    (void)state;
+    char line[500];
+    snprintf(line, sizeof line,
+             "scenesrc location=" CELL " robot=memq://nobody frames=3 ! fakesink");
+    process p = arris_launch(NULL, line);
+    assert_int_equal(p.code, 0);
+    process_free(&p);
 }
 
 /* ---- bad scenes ------------------------------------------------------------------------------ */
@@ -586,6 +650,9 @@ static void bad_scenes_are_refused(void **state) {
         "{\"width\": 640, \"height\": 480, \"fx\": 300, \"fy\": 300, \"skew\": 0, \"cx\": "
         "320, \"cy\": 240, \"k1\": -0.6, \"k2\": 0, \"p1\": 0, \"p2\": 0, \"k3\": 0}");
     refused(line, 4, "folds back");
+    refused("location=" CELL " robot=memq://x jitter=1", 2, "the robot alone says");
+    refused("location=" CELL " handeye=none.json", 2, "there is none");
+    refused("location=" CELL " robot=memq://x handeye=none.json", 4, "none.json");
     refused("location=" CELL " light-x=0 light-y=0 light-z=0", 2, "the light has no direction");
     scratch_write("few.csv", "index,file,utime,x,y,z,omega,theta,kappa\n4,-,0,,,,,,\n");
     snprintf(line, sizeof line, "location=" CELL " poses=%s", scratch("few.csv"));
@@ -623,6 +690,8 @@ int main(void) {
         cmocka_unit_test(noise_is_as_asked),
         cmocka_unit_test(a_scan_measures_the_cell),
         cmocka_unit_test(live_is_in_time),
+        cmocka_unit_test(the_robot_is_followed),
+        cmocka_unit_test(without_a_robot_there_are_no_frames),
         cmocka_unit_test(bad_scenes_are_refused),
         cmocka_unit_test(what_is_sound_is_rendered),
     };

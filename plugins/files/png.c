@@ -6,6 +6,7 @@
 #include <png.h>
 #include <setjmp.h>
 #include <stdint.h>
+#include <zlib.h>
 
 #include "writers.h"
 
@@ -21,8 +22,8 @@ static void on_warning(png_structp png, png_const_charp text) {
 static void write_rows(png_structp png, png_infop info, FILE *out, const arris_image *image) {
     const uint16_t one = 1;
     png_init_io(png, out);
-    png_set_compression_level(png, 1);
     png_set_filter(png, 0, PNG_FILTER_SUB);
+    png_set_compression_strategy(png, Z_HUFFMAN_ONLY);
     png_set_IHDR(png, info, (png_uint_32)image->width, (png_uint_32)image->height,
                  8 * (int)image->format, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
                  PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);

@@ -4,7 +4,8 @@
  *
  * It renders an OBJ or STL scene: faces of even grey under parallel light, with cast shadows,
  * through the lens of camera.json. Edges are exact: no raster decides where they are (sweep.h,
- * draw.h). What the camera reports, time and pose, is the truth, unless jitter= is given.
+ * draw.h). What the camera reports, time and pose, is the truth, unless jitter= is given; with
+ * robot= the stage `pose` replaces the truth with what the robot reported.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,15 +15,17 @@
 
 #include "arris_plugin.h"
 #include "camera.h"
+#include "follow.h"
 #include "frames.h"
+#include "link.h"
 #include "mix.h"
 #include "route.h"
 #include "view.h"
 
-enum { SLICE = 100000000 /* ns */, FRAMES = 135 };
+enum { SLICE = 100000000 /* ns */, WAIT = 100000000 /* ns, for the robot's word */, FRAMES = 135 };
 
 struct scenesrc {
-    const char *location, *camera_path, *poses;
+    const char *location, *camera_path, *poses, *robot, *handeye;
     int32_t frames, seed, kind;
     double fps, psf, noise, jitter, jitter_rot, light[3];
     bool live;
@@ -33,8 +36,9 @@ struct scenesrc {
     arris_camera camera;
     cell cell;
     view *view;
-    int64_t next, end;          /* frames; end 0: none */
-    int64_t began, began_utime; /* ns and µs: frame 0 of a live camera; 0: not yet */
+    follow *follow;    /* NULL: on its own path */
+    int64_t next, end; /* frames; end 0: none */
+    int64_t began;     /* ns: when a live camera took frame 0; 0: not yet */
 };
 
 /* ---- what there is to see -------------------------------------------------------------------- */
@@ -72,7 +76,16 @@ static int load_cell(struct scenesrc *c, size_t *flat, fault *f) {
 
 static int load_route(struct scenesrc *c, fault *f) {
     c->route.kind = (enum route_kind)c->kind;
-    c->end = c->frames >= 0 ? c->frames : FRAMES;
+    c->end = c->frames >= 0 ? c->frames : c->robot ? 0 : FRAMES;
+    c->live |= c->robot != NULL;
+    if (c->robot && (c->poses || c->jitter > 0 || c->jitter_rot > 0))
+        return fault_set(f, ARRIS_E_USAGE, "leave out poses=, jitter= and jitter-rot=, or robot=",
+                         "with robot= the robot alone says where the camera is");
+    if (c->handeye && !c->robot)
+        return fault_set(f, ARRIS_E_USAGE, "give robot= too, or leave handeye= out",
+                         "handeye= is of the robot that is followed, and there is none");
+    if (c->robot)
+        return follow_new(&c->follow, c->robot, c->handeye, f);
     if (!c->poses)
         return 0;
     int r = frames_load(&c->list, c->poses, 0, f);
@@ -121,25 +134,17 @@ static int setup(arris_stage *s, void *self, arris_caps *caps) {
 
 /* ---- frame by frame -------------------------------------------------------------------------- */
 
-static int64_t utime_now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return (int64_t)t.tv_sec * 1000000 + t.tv_nsec / 1000;
-}
-
 /* µs from frame 0 to frame i. */
 static int64_t since_start(const struct scenesrc *c, int64_t i) {
     return (int64_t)((double)i * 1e6 / c->fps);
 }
 
 /* A live camera exposes when it is time. A frame whose time has gone by meanwhile is lost, as with
- * any camera. */
-static void wait_for_exposure(arris_stage *s, struct scenesrc *c) {
+ * any camera. Returns the time of exposure, µs since the epoch. */
+static int64_t wait_for_exposure(arris_stage *s, struct scenesrc *c) {
     int64_t now = arris_now();
-    if (c->began == 0) {
+    if (c->began == 0)
         c->began = now;
-        c->began_utime = utime_now();
-    }
     while (c->began + 1000 * since_start(c, c->next + 1) < now) {
         arris_count(s, "frames lost", 1);
         c->next++;
@@ -150,49 +155,52 @@ static void wait_for_exposure(arris_stage *s, struct scenesrc *c) {
         struct timespec t = {.tv_sec = until / 1000000000, .tv_nsec = until % 1000000000};
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
     }
+    return link_utime() - (arris_now() - due) / 1000;
 }
 
-/* The pose that the camera reports for the frame; its index and utime. */
-static void report(const struct scenesrc *c, int64_t i, arris_pose *pose, int64_t *index,
-                   int64_t *utime) {
-    *index = i;
-    *utime = since_start(c, i);
-    if (c->poses) {
-        const frame_entry *e = &c->list.item[i];
-        frames_pose(e, pose);
-        *index = e->index;
-        *utime = e->utime;
-    } else {
-        route_pose(&c->route, i, c->end, pose);
+/* Where the camera is in frame i: as the robot that it follows was at utime, or as its path says.
+ * False: nobody knows. */
+static bool find_pose(arris_stage *s, struct scenesrc *c, int64_t i, int64_t utime,
+                      arris_pose *pose) {
+    if (c->robot) {
+        bool known = follow_pose(c->follow, utime, arris_now() + WAIT, pose);
+        arris_trouble(s, known ? NULL : "the simulated robot does not say where it is");
+        return known;
     }
-    if (c->live)
-        *utime = c->began_utime + since_start(c, i);
+    if (c->poses)
+        frames_pose(&c->list.item[i], pose);
+    else
+        route_pose(&c->route, i, c->end, pose);
+    return true;
 }
 
 static int process(arris_stage *s, void *self, arris_frame *frame) {
     struct scenesrc *c = self;
-    int64_t index, utime;
-    if (c->live)
-        wait_for_exposure(s, c);
-    int64_t i = c->next++;
+    int64_t exposed = c->live ? wait_for_exposure(s, c) : 0, i = c->next++;
     if ((c->end > 0 && i >= c->end) || !arris_running(s))
         return ARRIS_END;
-    arris_pose *pose = arris_layer_give(s, frame, ARRIS_POSE), truth;
-    arris_image *image = arris_layer_give(s, frame, ARRIS_IMAGE);
+    const frame_entry *e = c->poses ? &c->list.item[i] : NULL;
+    int64_t utime = c->live ? exposed : e ? e->utime : since_start(c, i);
+    arris_pose *pose = arris_layer_give(s, frame, ARRIS_POSE);
+    if (!find_pose(s, c, i, utime, pose)) {
+        arris_count(s, "without the robot", 1);
+        return ARRIS_DROP;
+    }
     uint64_t seed = mix_at((uint64_t)c->seed, (uint64_t)i);
-    report(c, i, pose, &index, &utime);
-    truth = *pose;
+    arris_pose truth = *pose;
     if (c->jitter > 0 || c->jitter_rot > 0)
         route_shake(&truth, c->jitter, c->jitter_rot, mix(seed));
+    arris_image *image = arris_layer_give(s, frame, ARRIS_IMAGE);
     image->camera = &c->camera;
     view_take(c->view, &truth, c->noise, seed, image);
-    arris_frame_set(frame, index, utime);
+    arris_frame_set(frame, e ? e->index : i, utime);
     return 0;
 }
 
 static void close_scene(arris_stage *s, void *self) {
     (void)s;
     struct scenesrc *c = self;
+    follow_free(c->follow);
     view_free(c->view);
     cell_free(&c->cell);
     frames_free(&c->list);
@@ -207,8 +215,15 @@ static const arris_prop props[] = {
     ARRIS_P_ENUM(T, kind, "path", "x", "x|y|arc",
                  "straight along the camera's own axis, or on an arc across it"),
     ARRIS_P_INFILE(T, poses, "poses", NULL, "a frames.csv whose poses are taken instead"),
+    ARRIS_P_STRING(T, robot, "robot", NULL,
+                   "the LCM URL, or default, of a simulated robot: the camera is live and goes "
+                   "where that truly is (ROBOT_TRUTH)"),
+    ARRIS_P_INFILE(T, handeye, "handeye", NULL,
+                   "a handeye.json: how the camera sits on the robot; else the robot's pose is "
+                   "the camera's"),
     ARRIS_P_INT_OR(T, frames, "frames", "auto", "auto", 0, FRAMES_MAX, NULL,
-                   "how many; 0: without end; auto: 135, or as many as there are poses"),
+                   "how many; 0: without end; auto: 135, as many as there are poses, or, following "
+                   "a robot, without end"),
     ARRIS_P_DOUBLE(T, route.step, "step", "4.1", -1000, 1000, "mm", "from frame to frame"),
     ARRIS_P_DOUBLE(T, route.radius, "radius", "800", 1, 1e5, "mm", "of the arc"),
     ARRIS_P_DOUBLE(T, route.middle[0], "x", "0", -1e5, 1e5, "mm", "the middle of the path"),
