@@ -18,7 +18,7 @@ VERSION := 0.1.0
 WARN    := -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion -Werror
 san     := $(SAN:%=-fsanitize=% -fno-omit-frame-pointer)
 base     = $(OPT) $(WARN) -fPIC -fvisibility=hidden -ffp-contract=off -MMD -MP $(san) \
-           -Icore -Iplugins -Iplugins/common -I$(B) -DARRIS_VERSION=\"$(VERSION)\"
+           -Icore -Iplugins -Idrivers -Iplugins/common -I$(B) -DARRIS_VERSION=\"$(VERSION)\"
 cflags   = -std=c11 -D_GNU_SOURCE -Wstrict-prototypes $(base) $(CFLAGS)
 cxxflags = -std=c++17 $(base) $(CXXFLAGS)
 ldflags  = $(san) $(LDFLAGS)
@@ -195,7 +195,7 @@ $(B)/fuzz_%: $$(call obj,tests/fuzz/fuzz_$$*.c) \
         $$(call used_obj,fuzz_$$*) $(B)/common.a $(B)/libarris.a
 	$(call say,MAKE,$@)
 	$(Q)$(CXX) -fsanitize=fuzzer,address,undefined -o $@ $^ \
-	    $(foreach p,$(fuzz_$*_uses) common,$(call pkg_libs,$(p))) -lm -lpthread -ldl
+	    $(call used_libs,fuzz_$*) $(call pkg_libs,common) -lm -lpthread -ldl
 
 # ---- bench ------------------------------------------------------------------------------------
 

@@ -21,10 +21,10 @@
 #include "lcmtypes/arris_segments_t.h"
 #include "lcmtypes/arris_status_t.h"
 #include "lcmtypes/arris_verdict_t.h"
-#include "messages.h"
 #include "process.h"
 #include "rigid.h"
 #include "scratch.h"
+#include "sent.h"
 #include "timeline.h"
 
 static const int64_t MS = 1000000; /* ns */

@@ -4,6 +4,10 @@ test-parts: $(B)/report
 bench_runtime_PKGS := gstreamer-1.0
 fuzz_decode_uses := image
 fuzz_scene_uses := scene
+fuzz_state_uses := lcm
+fuzz_picture_uses := lcm
+fuzz_command_uses := robot
+fuzz_ack_LIBS := -llcm
 
 # The runtime's tests load plugins and preload a library that are made for them. Their stages call
 # the runtime that the test itself is linked with.

@@ -55,8 +55,7 @@ struct robot {
 /* ---- what comes in -----------------------------------------------------------------------------
  */
 
-static void receive(void *user, const void *data, size_t n) {
-    robot *r = user;
+void robot_receive(robot *r, const void *data, size_t n) {
     pthread_mutex_lock(&r->mutex);
     command *c = &r->inbox[(r->first + r->n) % INBOX];
     if (r->n == INBOX) /* it comes again: its sender is not answered */
@@ -66,6 +65,10 @@ static void receive(void *user, const void *data, size_t n) {
     else
         r->n++;
     pthread_mutex_unlock(&r->mutex);
+}
+
+static void receive(void *user, const void *data, size_t n) {
+    robot_receive(user, data, n);
 }
 
 static bool take(robot *r) {

@@ -31,6 +31,9 @@ void robot_free(robot *r); /* NULL is allowed; the robot is stopped */
  * which is `utime` (µs since the epoch). */
 void robot_step(robot *r, int64_t now, int64_t utime);
 
+/* A command, as it comes over LCM; it is obeyed by the next step. Any thread. */
+void robot_receive(robot *r, const void *data, size_t n);
+
 /* Messages that were none. Any thread. */
 uint64_t robot_malformed(const robot *r);
 

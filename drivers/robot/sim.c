@@ -45,20 +45,17 @@ static double gauss(const sim *m, uint64_t kind, uint64_t k) {
 }
 
 /* How far an axis is ahead after `travel` mm, with a sigma of 1: in each cycle it falls behind,
- * then slips ahead over its last part. */
-static double stick_slip(const sim *m, uint64_t axis, double travel) {
-    uint64_t k = (uint64_t)(travel / CYCLE);
-    double u = travel / CYCLE - (double)k, slip = 0.6 + 0.35 * chance(m, 10 + axis, 3 * k);
-    double top = sqrt(3) * (0.7 + 0.6 * chance(m, 10 + axis, 3 * k + 1));
-    double next = sqrt(3) * (0.7 + 0.6 * chance(m, 10 + axis, 3 * k + 4));
+ * then slips ahead over its last part. It begins in the middle of a fall, at 0. */
+static double stick_slip(const sim *m, int axis, double travel) {
+    uint64_t kind = 10 + (uint64_t)axis;
+    double way = travel / CYCLE + (0.6 + 0.35 * chance(m, kind, 0)) / 2;
+    uint64_t k = (uint64_t)way;
+    double u = way - (double)k, slip = 0.6 + 0.35 * chance(m, kind, 2 * k);
+    double top = sqrt(3) * (0.7 + 0.6 * chance(m, kind, 2 * k + 1));
+    double next = sqrt(3) * (0.7 + 0.6 * chance(m, kind, 2 * k + 3));
     if (u < slip)
         return top * (1 - 2 * u / slip);
     return -top + (top + next) * (u - slip) / (1 - slip);
-}
-
-/* The same from where it began. */
-static double slipped(const sim *m, int axis, double travel) {
-    return stick_slip(m, (uint64_t)axis, travel) - stick_slip(m, (uint64_t)axis, 0);
 }
 
 /* ---- motion ------------------------------------------------------------------------------------
@@ -104,8 +101,8 @@ static void locate(const sim *m, int64_t now, robot_pose *reported, robot_pose *
     for (int i = 0; i < 3; i++) {
         travel[i] += m->travel[i];
         double total = travel[0] + travel[1] + travel[2];
-        truth->pos[i] += m->o.offset[i] + miss[i] + m->o.jitter * slipped(m, i, travel[i]);
-        w[i] = m->o.rot_jitter * slipped(m, 3 + i, total);
+        truth->pos[i] += m->o.offset[i] + miss[i] + m->o.jitter * stick_slip(m, i, travel[i]);
+        w[i] = m->o.rot_jitter * stick_slip(m, 3 + i, total);
     }
     turn(truth->quat, w);
 }

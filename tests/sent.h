@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * messages.h: LCM messages as others send them, by lcm-gen's encoders.
+ * sent.h: LCM messages as others send them, by lcm-gen's encoders.
  */
-#ifndef TEST_MESSAGES_H
-#define TEST_MESSAGES_H
+#ifndef SENT_H
+#define SENT_H
 
 #include <stdbool.h>
 #include <stdlib.h>
