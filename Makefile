@@ -2,6 +2,7 @@
 #
 #   make            build/arris and its plugins; a second one does nothing
 #   make demo       install what is missing, build, measure the box, show the result
+#   make cell       a simulated robot, camera, pipeline and subscribers over LCM, for a minute
 #   make test       install what is missing, build, run every test
 #   make check      the tests under ASan and UBSan, TSan, valgrind; a minute of each fuzzer
 #   make bench      speed and accuracy beside others, in one run
@@ -32,7 +33,7 @@ types      := $(sort $(wildcard plugins/lcm/types/*.lcm))
 types_c    := $(patsubst plugins/lcm/types/%.lcm,$(B)/lcmtypes/arris_%.c,$(types))
 headers    := core/arris.h core/arris_plugin.h core/arris_geometry.h core/arris_types.h
 
-.PHONY: all demo test check bench experiments lint format install uninstall clean setup-% \
+.PHONY: all demo cell test check bench experiments lint format install uninstall clean setup-% \
         lcmtypes-python run-experiments run-tests run-valgrind run-fuzz fuzzers
 .DELETE_ON_ERROR:
 .SECONDARY:
@@ -127,6 +128,7 @@ $(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
 packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev libmd-dev libassimp-dev \
                   liblcm-dev liblcm-bin libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
 packages_test  := $(packages_build) libcmocka-dev
+packages_cell  := $(packages_build) iproute2 util-linux
 packages_check := $(packages_test) clang libclang-rt-14-dev valgrind
 packages_bench := $(packages_test) libgstreamer1.0-dev libopencv-contrib-dev
 packages_lint  := $(packages_build) clang-format shellcheck
@@ -152,6 +154,19 @@ test: setup-test
 $(B)/report: $(call obj,samples/box/report.c)
 	$(call say,MAKE,$@)
 	$(Q)$(CC) -o $@ $^ $(ldflags) -ljansson -lm
+
+# ---- samples that speak over LCM: subscriber, cell ---------------------------------------------
+
+cell: setup-cell
+	@$(MAKE) --no-print-directory all $(B)/subscriber $(B)/cell-watch
+	@B=$(B) samples/cell/run.sh $(CELL_SECONDS)
+CELL_SECONDS ?= 60
+$(B)/subscriber: $(call obj,samples/subscriber/subscriber.c) $(B)/common.a
+	$(call say,MAKE,$@)
+	$(Q)$(CC) -o $@ $^ $(ldflags) -llcm
+$(B)/cell-watch: $(call obj,samples/cell/watch.c) $(B)/common.a $(B)/lib/libarris.so.1
+	$(call say,MAKE,$@)
+	$(Q)$(CC) -o $@ $^ $(ldflags) -Wl,-rpath,'$$ORIGIN/lib' -llcm -lm
 
 # ---- tests: one program a module, linked with the plugin of its name --------------------------
 
