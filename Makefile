@@ -127,7 +127,7 @@ $(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
 
 packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev libmd-dev libassimp-dev \
                   liblcm-dev liblcm-bin libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
-packages_test  := $(packages_build) libcmocka-dev
+packages_test  := $(packages_build) libcmocka-dev iproute2 python3-venv
 packages_cell  := $(packages_build) iproute2 util-linux
 packages_check := $(packages_test) clang libclang-rt-14-dev valgrind
 packages_bench := $(packages_test) libgstreamer1.0-dev libopencv-contrib-dev

@@ -9,6 +9,8 @@ fuzz_picture_uses := lcm
 fuzz_command_uses := robot
 fuzz_ack_LIBS := -llcm
 
+test_network_uses := lcm
+
 # The runtime's tests load plugins and preload a library that are made for them. Their stages call
 # the runtime that the test itself is linked with.
 test_core_LIBS := -rdynamic
