@@ -2,9 +2,9 @@
  *
  * lcmsrc.c: the stage `lcmsrc`: pictures that come over LCM, or lie in a log of it.
  *
- * The first picture settles size and format for all. The LCM thread copies each into a ring
- * (pictures.h); when that is full the oldest gives way. A log waits instead, so that a replay loses
- * nothing.
+ * The first picture settles size and format for all, or camera= and format= do. The LCM thread
+ * copies each into a ring (pictures.h); when that is full the oldest gives way. A log waits
+ * instead, so that a replay loses nothing.
  */
 #include <lcm/eventlog.h>
 #include <pthread.h>
@@ -16,12 +16,13 @@
 #include "link.h"
 #include "pictures.h"
 
-enum { QUEUE = 8 /* pictures */ };
+enum { QUEUE = 8 /* pictures */, ANY = 0 };
 static const int64_t POLL = 50000000, SILENT = 1000000000; /* ns */
 
 struct lcmsrc {
     const char *url, *channel, *camera_path;
     double timeout; /* s */
+    int32_t format; /* ANY, or an enum arris_format */
 
     arris_stage *stage;
     arris_camera camera;
@@ -79,7 +80,7 @@ static void look_into_log(struct lcmsrc *l) {
     lcm_eventlog_event_t *e = NULL;
     while (log && !l->in.format && (e = lcm_eventlog_read_next_event(log))) {
         if (strcmp(e->channel, l->channel) == 0)
-            pictures_settle(&l->in, e->data, (size_t)e->datalen);
+            pictures_settle_by(&l->in, e->data, (size_t)e->datalen);
         lcm_eventlog_free_event(e);
     }
     if (log)
@@ -102,16 +103,24 @@ static int await_first(struct lcmsrc *l, fault *f) {
         "no picture came on the channel %s%s", l->channel, l->log ? " of the log" : "");
 }
 
-static int find_camera(struct lcmsrc *l, fault *f) {
+static int load_camera(struct lcmsrc *l, fault *f) {
     int r = l->camera_path ? camera_load(l->camera_path, &l->camera, f) : 0;
     if (r < 0 || !l->camera_path)
         return r;
     l->known_camera = &l->camera;
-    if (l->camera.width == l->in.width && l->camera.height == l->in.height)
+    if (l->format != ANY &&
+        !pictures_settle(&l->in, l->camera.width, l->camera.height, (enum arris_format)l->format))
+        return fault_set(f, ARRIS_E_MEMORY, NULL, "no memory for the pictures");
+    return 0;
+}
+
+static int check_camera(const struct lcmsrc *l, fault *f) {
+    const arris_camera *c = l->known_camera;
+    if (!c || (c->width == l->in.width && c->height == l->in.height))
         return 0;
     return fault_set(f, ARRIS_E_INPUT, "name the camera that takes them with camera=",
                      "%s is of a camera of %dx%d, and the pictures are %dx%d", l->camera_path,
-                     l->camera.width, l->camera.height, l->in.width, l->in.height);
+                     c->width, c->height, l->in.width, l->in.height);
 }
 
 /* ---- the stage ---------------------------------------------------------------------------------
@@ -120,18 +129,22 @@ static int find_camera(struct lcmsrc *l, fault *f) {
 static int prepare(struct lcmsrc *l, fault *f) {
     pthread_condattr_t attr;
     pictures_begin(&l->in);
+    l->in.heard = arris_now();
     pthread_mutex_init(&l->mutex, NULL);
     pthread_condattr_init(&attr);
     pthread_condattr_setclock(&attr, CLOCK_MONOTONIC);
     pthread_cond_init(&l->changed, &attr);
     pthread_condattr_destroy(&attr);
+    int r = load_camera(l, f);
+    if (r < 0)
+        return r;
     if (!(l->link = link_open(l->url, f)))
         return ARRIS_E_IO;
     l->log = link_log(l->link) != NULL;
-    int r = link_subscribe(l->link, l->channel, QUEUE, receive, tick, l, f);
-    if (r == 0)
+    r = link_subscribe(l->link, l->channel, QUEUE, receive, tick, l, f);
+    if (r == 0 && !l->in.format)
         r = await_first(l, f);
-    return r == 0 ? find_camera(l, f) : r;
+    return r == 0 ? check_camera(l, f) : r;
 }
 
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
@@ -206,6 +219,9 @@ static const arris_prop props[] = {
                    "goes; without it LCM_DEFAULT_URL, or multicast on this machine"),
     ARRIS_P_STRING(T, channel, "channel", "ARRIS_IMAGE", "where the pictures come"),
     ARRIS_P_INFILE(T, camera_path, "camera", NULL, "the camera.json of the camera"),
+    ARRIS_P_ENUM(T, format, "format", "any", "any|grey8|grey16",
+                 "any: that of the first picture, which it waits for before it starts, as for the "
+                 "size when there is no camera="),
     ARRIS_P_DOUBLE(T, timeout, "timeout", "10", 0, 3600, "s",
                    "how long it waits for the first picture"),
 };

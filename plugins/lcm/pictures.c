@@ -21,15 +21,14 @@ static enum arris_format format_of(const arris_image_t *m) {
     return m->pixelformat == ARRIS_IMAGE_T_PIXEL_FORMAT_GRAY ? ARRIS_GREY8 : ARRIS_GREY16;
 }
 
-/* The first picture: all that follow are like it. */
-static bool settle(pictures *p, const arris_image_t *m) {
-    size_t bytes = (size_t)m->width * (size_t)m->height * format_of(m);
+bool pictures_settle(pictures *p, int32_t width, int32_t height, enum arris_format format) {
+    size_t bytes = (size_t)width * (size_t)height * format;
     for (int i = 0; i < PICTURES_ROOM; i++)
         if (!p->slot[i].data && !(p->slot[i].data = malloc(bytes)))
             return false;
-    p->width = m->width;
-    p->height = m->height;
-    p->format = format_of(m);
+    p->width = width;
+    p->height = height;
+    p->format = format;
     return true;
 }
 
@@ -62,17 +61,17 @@ void pictures_receive(pictures *p, const void *data, size_t n, int64_t now) {
     int64_t index;
     if (image_read(data, n, &m, &index))
         p->malformed++;
-    else if (p->format ? !is_alike(p, &m) : !settle(p, &m))
+    else if (p->format ? !is_alike(p, &m) : !pictures_settle(p, m.width, m.height, format_of(&m)))
         p->other++;
     else
         keep(p, &m, index, now);
 }
 
-void pictures_settle(pictures *p, const void *data, size_t n) {
+bool pictures_settle_by(pictures *p, const void *data, size_t n) {
     arris_image_t m;
     int64_t index;
-    if (!p->format && image_read(data, n, &m, &index) == 0)
-        settle(p, &m);
+    return image_read(data, n, &m, &index) == 0 &&
+           pictures_settle(p, m.width, m.height, format_of(&m));
 }
 
 const picture_slot *pictures_take(pictures *p) {

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
  * pictures.h: the pictures that come in over LCM, in a short ring, all of the size and format of
- * the first. No locks: by one thread at a time. Nothing is allocated after the first.
+ * the first. No locks: by one thread at a time. Nothing is allocated once that is settled.
  */
 #ifndef PICTURES_H
 #define PICTURES_H
 
 #include "messages.h"
 
-enum { PICTURES_ROOM = 4 };
+enum { PICTURES_ROOM = 16 };
 
 typedef struct picture_slot {
     int64_t index, utime, arrival; /* the camera's count, or ours; µs; ns */
@@ -20,7 +20,7 @@ typedef struct pictures {
     int32_t width, height;    /* px */
     picture_slot slot[PICTURES_ROOM];
     uint32_t n, next;    /* how many are filled; the next to take */
-    int64_t heard;       /* ns, when the last picture came; 0: never */
+    int64_t heard;       /* ns, when the last picture came, or began to be waited for */
     int64_t last, count; /* the camera's last index, -1: none; pictures that have come */
     /* since somebody looked: no message at all; another size or format; given up for a newer one;
      * made by the camera and not received */
@@ -35,8 +35,10 @@ void pictures_free(pictures *p);
  * filled. */
 void pictures_receive(pictures *p, const void *data, size_t n, int64_t now);
 
-/* Settles size and format by this message and keeps nothing; for who reads ahead. */
-void pictures_settle(pictures *p, const void *data, size_t n);
+/* Settles size and format beforehand, by what is known or by a message. False when memory is short,
+ * or the message is none. */
+bool pictures_settle(pictures *p, int32_t width, int32_t height, enum arris_format format);
+bool pictures_settle_by(pictures *p, const void *data, size_t n);
 
 static inline size_t pictures_row(const pictures *p) { /* bytes */
     return (size_t)p->width * p->format;

@@ -32,11 +32,12 @@ camera=samples/cell/camera.json
 lcm-logger --quiet --channel='ARRIS_IMAGE|ROBOT_STATE' "$out/run.lcmlog" & logger=$!
 "$B/cell-watch" > "$out/watch.txt" & watch=$!
 "$B/subscriber" > "$out/subscriber.txt" & subscriber=$!
-"$B/arris" launch --stats lcmsrc camera=$camera timeout=30 ! pose ! "${chain[@]}" ! tee name=t \
+"$B/arris" launch --stats lcmsrc camera=$camera format=grey8 ! queue leaky=oldest max-frames=8 \
+    ! pose ! "${chain[@]}" ! tee name=t \
     t. ! lcmsink preview=5 segments=10 t. ! filesink location="$out/lines.json" > "$out/stats.txt" & pipeline=$!
-sleep 1
-"$B/arris" launch scenesrc location=samples/cell/box.obj camera=$camera robot="$LCM_DEFAULT_URL" live=true frames=0 \
-    ! lcmsink images=every status=0 & eye=$!
+sleep 0.5
+"$B/arris" launch --stats scenesrc location=samples/cell/box.obj camera=$camera robot=default \
+    ! queue leaky=oldest max-frames=8 ! lcmsink images=every status=0 > "$out/camera.txt" & eye=$!
 
 end=$((SECONDS + seconds))
 while [ $SECONDS -lt $end ]; do
