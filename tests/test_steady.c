@@ -129,6 +129,23 @@ static void nothing_is_allocated(void **state) {
         }
 }
 
+/* Nor by the simulated camera, or where its frames are recorded; libpng and libc do for themselves.
+ */
+static void nothing_is_allocated_by_the_camera(void **state) {
+    (void)state;
+    skip_when_sanitized();
+    char cell[PATH_MAX], line[2 * PATH_MAX];
+    if (!realpath("samples/cell/box.obj", cell))
+        fail_msg("samples/cell is not there: run from the root of the checkout");
+    make_scan();
+    scratch_mkdir("scan/out");
+    snprintf(line, sizeof line,
+             "scenesrc location=%s frames=210 jitter=0.1 ! tee name=t t. ! filesink "
+             "location=out/frames.csv t. ! testwatch to=200 allocations=allocations",
+             cell);
+    assert_int_equal(count_ours(line), 0);
+}
+
 /* What does allocate is found: here testwatch itself, when it looks at the memory. */
 static void the_counting_counts(void **state) {
     (void)state;
@@ -174,6 +191,7 @@ int main(void) {
     setenv("ARRIS_PLUGIN_PATH", scratch("plugins"), 1);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nothing_is_allocated),
+        cmocka_unit_test(nothing_is_allocated_by_the_camera),
         cmocka_unit_test(the_counting_counts),
         cmocka_unit_test(memory_is_flat),
     };

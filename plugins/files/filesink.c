@@ -40,8 +40,8 @@ struct filesink {
     int32_t *track_of; /* of segments.csv: by segment */
     char recipe_hash[65];
     report report;
-    const arris_camera *camera; /* of frames.csv; NULL: unknown */
-    uint64_t recorded;          /* frames */
+    const arris_caps *caps; /* in setup */
+    recording recording;    /* of frames.csv */
 };
 
 static const arris_prop props[] = {
@@ -166,14 +166,14 @@ static int end_tracks(arris_stage *s, struct filesink *k, const arris_frame *f) 
 
 static int begin_recording(arris_stage *s, struct filesink *k, const arris_frame *f) {
     (void)f;
-    int error = recording_begin(k->out.file, k->location, k->camera);
+    int error = recording_begin(&k->recording, k->out.file, k->location, k->caps);
     return error ? cannot_write(s, k, error) : 0;
 }
 
 static int frame_recording(arris_stage *s, struct filesink *k, const arris_frame *f) {
-    int error = recording_frame(k->out.file, k->location, k->recorded++, arris_frame_index(f),
-                                arris_frame_utime(f), arris_layer_get(f, ARRIS_IMAGE),
-                                arris_layer_get(f, ARRIS_POSE));
+    int error =
+        recording_frame(&k->recording, k->out.file, arris_frame_index(f), arris_frame_utime(f),
+                        arris_layer_get(f, ARRIS_IMAGE), arris_layer_get(f, ARRIS_POSE));
     return error ? cannot_write(s, k, error) : 0;
 }
 
@@ -251,7 +251,7 @@ static int run(arris_stage *s, struct filesink *k, step *todo, const arris_frame
 
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
     struct filesink *k = self;
-    k->camera = caps->camera;
+    k->caps = caps;
     k->c = newlocale(LC_NUMERIC_MASK, "C", 0);
     if (!k->c)
         return arris_fail(s, ARRIS_E_MEMORY, NULL, "no memory for the numbers' format");
@@ -281,6 +281,7 @@ static void close_filesink(arris_stage *s, void *self) {
         fclose(k->spool);
     free(k->track_of);
     report_end(&k->report);
+    recording_free(&k->recording);
     if (k->c)
         freelocale(k->c);
 }

@@ -6,6 +6,7 @@
 #include <png.h>
 #include <setjmp.h>
 #include <stdint.h>
+#include <string.h>
 #include <zlib.h>
 
 #include "writers.h"
@@ -19,9 +20,21 @@ static void on_warning(png_structp png, png_const_charp text) {
     (void)png, (void)text;
 }
 
-static void write_rows(png_structp png, png_infop info, FILE *out, const arris_image *image) {
+static void on_write(png_structp png, png_bytep data, size_t n) {
+    picture *p = png_get_io_ptr(png);
+    if (n > p->max - p->n)
+        png_error(png, "it is longer than its grey levels");
+    memcpy(p->data + p->n, data, n);
+    p->n += n;
+}
+
+static void on_flush(png_structp png) {
+    (void)png;
+}
+
+static void write_rows(png_structp png, png_infop info, picture *out, const arris_image *image) {
     const uint16_t one = 1;
-    png_init_io(png, out);
+    png_set_write_fn(png, out, on_write, on_flush);
     png_set_filter(png, 0, PNG_FILTER_SUB);
     png_set_compression_strategy(png, Z_HUFFMAN_ONLY);
     png_set_IHDR(png, info, (png_uint_32)image->width, (png_uint_32)image->height,
@@ -35,9 +48,10 @@ static void write_rows(png_structp png, png_infop info, FILE *out, const arris_i
     png_write_end(png, NULL);
 }
 
-bool png_write(FILE *out, const arris_image *image) {
+bool png_encode(picture *out, const arris_image *image) {
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, on_error, on_warning);
     png_infop info = png ? png_create_info_struct(png) : NULL;
+    out->n = 0;
     if (!info || setjmp(png_jmpbuf(png))) { /* nothing above changes after this */
         png_destroy_write_struct(&png, &info);
         return false;

@@ -4,9 +4,12 @@
  * on, and camera.json.
  */
 #include <errno.h>
+#include <fcntl.h>
 #include <limits.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "arris_geometry.h"
 #include "output.h"
@@ -27,10 +30,14 @@ static void camera_write(FILE *out, const arris_camera *c) {
     fprintf(out, " \"p2\": %.17g,\n \"k3\": %.17g\n}\n", c->p2, c->k3);
 }
 
-int recording_begin(FILE *csv, const char *location, const arris_camera *camera) {
+int recording_begin(recording *r, FILE *csv, const char *location, const arris_caps *caps) {
     char path[PATH_MAX];
     output o = {0};
-    int error = beside(location, "frames", path);
+    const arris_camera *camera = caps->camera;
+    *r = (recording){.location = location};
+    r->buffer.max = 2 * (size_t)caps->width * (size_t)caps->height * caps->format + (1 << 16);
+    r->buffer.data = malloc(r->buffer.max);
+    int error = !r->buffer.data ? ENOMEM : beside(location, "frames", path);
     if (!error && mkdir(path, 0777) < 0 && errno != EEXIST)
         error = errno;
     if (!error && camera)
@@ -42,29 +49,38 @@ int recording_begin(FILE *csv, const char *location, const arris_camera *camera)
         error = output_commit(&o);
     }
     fprintf(csv, "index,file,utime,x,y,z,omega,theta,kappa\n");
-    errno = error;
     return error;
 }
 
-static int write_picture(const char *path, const arris_image *image) {
-    FILE *f = fopen(path, "wb");
-    if (!f)
+void recording_free(recording *r) {
+    free(r->buffer.data);
+    *r = (recording){0};
+}
+
+/* No FILE: it would be allocated for every picture. */
+static int write_file(const char *path, const uint8_t *data, size_t n) {
+    int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666), error = 0;
+    if (fd < 0)
         return errno;
-    errno = 0;
-    bool good = png_write(f, image);
-    int error = good ? 0 : errno ? errno : EIO;
-    if (fclose(f) && !error)
-        error = errno;
-    return error;
+    while (n > 0 && !error) {
+        ssize_t written = write(fd, data, n);
+        if (written < 0 && errno != EINTR)
+            error = errno;
+        if (written > 0)
+            data += written, n -= (size_t)written;
+    }
+    return close(fd) < 0 && !error ? errno : error;
 }
 
-int recording_frame(FILE *csv, const char *location, uint64_t n, int64_t index, int64_t utime,
-                    const arris_image *image, const arris_pose *pose) {
+int recording_frame(recording *r, FILE *csv, int64_t index, int64_t utime, const arris_image *image,
+                    const arris_pose *pose) {
     char name[40], path[PATH_MAX];
-    snprintf(name, sizeof name, "frames/%04llu.png", (unsigned long long)n);
-    int error = beside(location, name, path);
+    snprintf(name, sizeof name, "frames/%04llu.png", (unsigned long long)r->n++);
+    int error = beside(r->location, name, path);
+    if (!error && !png_encode(&r->buffer, image))
+        error = EIO;
     if (!error)
-        error = write_picture(path, image);
+        error = write_file(path, r->buffer.data, r->buffer.n);
     fprintf(csv, "%lld,%s,%lld,", (long long)index, name, (long long)utime);
     if (pose && pose->valid) {
         double o, t, k;

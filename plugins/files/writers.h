@@ -74,14 +74,28 @@ int tracks_write(FILE *out, FILE *spool, uint32_t total);
 
 /* ---- pictures ------------------------------------------------------------------------------- */
 
-/* A picture as PNG. False when it could not be written. */
-bool png_write(FILE *out, const arris_image *image);
+/* A file in memory: n bytes of the `max` that it has room for. */
+typedef struct picture {
+    uint8_t *data;
+    size_t n, max;
+} picture;
 
-/* A scan as imagesrc plays it: `csv` is frames.csv, which is to be at `location`; beside it go
- * frames/0000.png and so on, numbered by n, and camera.json unless `camera` is NULL. `pose` may be
- * NULL or invalid. The functions return 0 or an errno. */
-int recording_begin(FILE *csv, const char *location, const arris_camera *camera);
-int recording_frame(FILE *csv, const char *location, uint64_t n, int64_t index, int64_t utime,
-                    const arris_image *image, const arris_pose *pose);
+/* A picture as PNG. False when there is no room or no memory for it. */
+bool png_encode(picture *out, const arris_image *image);
+
+/* A scan as imagesrc plays it: frames.csv, which is to be at `location`, and beside it
+ * frames/0000.png and so on, and camera.json when the camera is known. */
+typedef struct recording {
+    const char *location;
+    uint64_t n; /* frames so far */
+    picture buffer;
+} recording;
+
+/* `csv` is frames.csv; `location` must outlive *r; `pose` may be NULL or invalid. The functions
+ * return 0 or an errno. recording_free must follow in any case. */
+int recording_begin(recording *r, FILE *csv, const char *location, const arris_caps *caps);
+int recording_frame(recording *r, FILE *csv, int64_t index, int64_t utime, const arris_image *image,
+                    const arris_pose *pose);
+void recording_free(recording *r);
 
 #endif

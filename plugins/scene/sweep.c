@@ -45,9 +45,8 @@ struct sweep {
     size_t max_points, max_edges, max_crossings, n_points, n_edges, n_active, n_crossings, n_inside;
     size_t n_planes;
     point *point;
-    rank *order;
+    rank *order, *crossing;
     edge *edge, **active, **below;
-    double *crossing;
     const int32_t *plane_of;
     int32_t *in, *lit;       /* how often a patch covers the place, and the light reaches a plane */
     int32_t *inside, *place; /* the patches that do, and where in that list */
@@ -223,9 +222,32 @@ static void layer(sweep *w, double y0, double y1) {
 
 /* ---- the sweep ------------------------------------------------------------------------------- */
 
-static int by_value(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
+static bool is_above(const rank *a, const rank *b) {
+    return a->y != b->y ? a->y < b->y : a->point < b->point;
+}
+
+/* Moves the one at k down to its place in the heap of n, whose lowest is at its root. */
+static void sift(rank *a, size_t k, size_t n) {
+    rank r = a[k];
+    for (size_t child; (child = 2 * k + 1) < n; k = child) {
+        child += child + 1 < n && is_above(&a[child], &a[child + 1]);
+        if (!is_above(&r, &a[child]))
+            break;
+        a[k] = a[child];
+    }
+    a[k] = r;
+}
+
+/* From top to bottom. (Heapsort: libc's qsort allocates.) */
+static void sort(rank *a, size_t n) {
+    for (size_t k = n / 2; k-- > 0;)
+        sift(a, k, n);
+    while (n-- > 1) {
+        rank r = a[0];
+        a[0] = a[n];
+        a[n] = r;
+        sift(a, 0, n);
+    }
 }
 
 /* Where e, which is left of f at the top of the slab, comes to be right of it. */
@@ -235,7 +257,7 @@ static void note_crossing(sweep *w, const edge *e, const edge *f, double y0, dou
     bool beside =
         (f->top < w->left && e->bottom < w->left) || (e->top > w->right && f->bottom > w->right);
     if (y > y0 && y < y1 && !beside && w->n_crossings < w->max_crossings)
-        w->crossing[w->n_crossings++] = y;
+        w->crossing[w->n_crossings++] = (rank){y, 0};
 }
 
 static bool is_left(const edge *e, const edge *f) {
@@ -264,7 +286,7 @@ static void find_crossings(sweep *w, double y0, double y1) {
         }
         w->below[k] = e;
     }
-    qsort(w->crossing, w->n_crossings, sizeof *w->crossing, by_value);
+    sort(w->crossing, w->n_crossings);
 }
 
 /* From one stop at an end of edges to the next. */
@@ -273,9 +295,9 @@ static void slab(sweep *w, double y0, double y1) {
         return;
     find_crossings(w, y0, y1);
     for (size_t i = 0; i < w->n_crossings; i++)
-        if (w->crossing[i] - y0 > APART / 100) {
-            layer(w, y0, w->crossing[i]);
-            y0 = w->crossing[i];
+        if (w->crossing[i].y - y0 > APART / 100) {
+            layer(w, y0, w->crossing[i].y);
+            y0 = w->crossing[i].y;
         }
     layer(w, y0, y1);
 }
@@ -301,17 +323,11 @@ static void start(sweep *w, uint32_t first, double y) {
     }
 }
 
-static int by_y(const void *a, const void *b) {
-    const rank *p = a, *q = b;
-    return p->y != q->y ? (p->y > q->y) - (p->y < q->y)
-                        : (p->point > q->point) - (p->point < q->point);
-}
-
 /* From top to bottom, and no two at the same y'. */
 static void order_points(sweep *w) {
     for (size_t i = 0; i < w->n_points; i++)
         w->order[i] = (rank){w->point[i].y, (uint32_t)i};
-    qsort(w->order, w->n_points, sizeof *w->order, by_y);
+    sort(w->order, w->n_points);
     for (size_t i = 0; i < w->n_points; i++) {
         if (i > 0)
             w->order[i].y = fmax(w->order[i].y, w->order[i - 1].y + APART);
