@@ -26,6 +26,7 @@ $(test_shared): $(B)/tests/%.so: $(B)/obj/tests/%.c.o
 test_segments_uses := edges
 bench_accuracy_uses := edges segments
 bench_edges_uses := edges segments
+bench_scene_uses := edges scene
 bench_edges_CFLAGS := -isystem /usr/include/opencv4 -Wno-missing-field-initializers -Wno-conversion
 bench_edges_LIBS := -lopencv_core -lopencv_imgproc -lopencv_ximgproc
 bench_edges_PKGS := libpng

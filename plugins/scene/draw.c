@@ -93,7 +93,7 @@ static int find_window(draw *d) {
 /* Samples of a Gaussian, of unit sum and, to 1e-9, the variance wanted. */
 static void make_kernel(draw *d, double variance) {
     double low = 0, high = 2 * variance + 1, k[MAX_RADIUS + 1] = {1};
-    d->radius = variance > 0 ? (int)fmin(MAX_RADIUS, ceil(4.5 * sqrt(variance)) + 1) : 0;
+    d->radius = variance > 0 ? (int)fmin(MAX_RADIUS, ceil(4 * sqrt(variance))) : 0;
     for (int turn = 0; turn < 60 && variance > 0; turn++) {
         double middle = (low + high) / 2, sum = 1, moment = 0;
         for (int i = 1; i <= d->radius; i++) {

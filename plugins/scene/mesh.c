@@ -46,18 +46,24 @@ static float grey_of(const struct aiMaterial *m) {
     return grey >= 0 ? fminf(grey, 1) : 0;
 }
 
-static int count(const struct aiScene *s, const char *path, size_t *points, size_t *faces,
+/* How many points there are, and triangles when every face is cut into some. */
+static int count(const struct aiScene *s, const char *path, size_t *points, size_t *triangles,
                  fault *f) {
-    *points = *faces = 0;
+    size_t faces = 0;
+    *points = *triangles = 0;
     for (unsigned i = 0; i < s->mNumMeshes; i++) {
-        *points += s->mMeshes[i]->mNumVertices;
-        *faces += s->mMeshes[i]->mNumFaces;
+        const struct aiMesh *m = s->mMeshes[i];
+        *points += m->mNumVertices;
+        faces += m->mNumFaces;
+        for (unsigned k = 0; k < m->mNumFaces; k++)
+            *triangles += m->mFaces[k].mNumIndices > 2 ? m->mFaces[k].mNumIndices - 2 : 1;
     }
-    if (*faces == 0)
+    if (faces == 0)
         return fault_set(f, ARRIS_E_INPUT, hint, "%s has no faces", path);
-    if (*faces > MESH_MAX_TRIANGLES)
+    if (*triangles > MESH_MAX_TRIANGLES)
         return fault_set(f, ARRIS_E_INPUT, "leave out what the camera does not see",
-                         "%s has %zu triangles; the limit is %d", path, *faces, MESH_MAX_TRIANGLES);
+                         "%s has %zu triangles; the limit is %d", path, *triangles,
+                         MESH_MAX_TRIANGLES);
     return 0;
 }
 
@@ -92,14 +98,14 @@ static void take_faces(mesh *m, const struct aiMesh *a, size_t first, float grey
 }
 
 static int take(mesh *m, const struct aiScene *s, const char *path, fault *f) {
-    size_t points, faces;
-    int r = count(s, path, &points, &faces, f);
+    size_t points, triangles;
+    int r = count(s, path, &points, &triangles, f);
     if (r < 0)
         return r;
     m->point = calloc(points + 1, sizeof *m->point);
-    m->triangle = calloc(faces, sizeof *m->triangle);
+    m->triangle = calloc(triangles, sizeof *m->triangle);
     if (!m->point || !m->triangle)
-        return fault_set(f, ARRIS_E_MEMORY, NULL, "no memory for %zu triangles", faces);
+        return fault_set(f, ARRIS_E_MEMORY, NULL, "no memory for %zu triangles", triangles);
     for (unsigned i = 0; i < s->mNumMeshes; i++) {
         const struct aiMesh *a = s->mMeshes[i];
         size_t first = m->n_points;
@@ -173,16 +179,28 @@ static int drop_flat(mesh *m, const char *path, fault *f) {
     return n > 0 ? 0 : fault_set(f, ARRIS_E_INPUT, hint, "%s: no face has an area", path);
 }
 
+/* Faces are cut into triangles when it is known that they are not too many: the time that takes
+ * grows with the square of a face's corners. */
+static int import(mesh *m, const char *path, fault *f) {
+    size_t points, triangles;
+    const struct aiScene *s = aiImportFile(path, 0);
+    int r = s ? count(s, path, &points, &triangles, f) : 0;
+    if (s && r == 0)
+        s = aiApplyPostProcessing(s, aiProcess_Triangulate); /* NULL: it has released it */
+    if (!s)
+        return fault_set(f, ARRIS_E_INPUT, hint, "%s cannot be read: %s", path, aiGetErrorString());
+    if (r == 0)
+        r = take(m, s, path, f);
+    aiReleaseImport(s);
+    return r;
+}
+
 int mesh_load(mesh *m, const char *path, fault *f) {
     memset(m, 0, sizeof *m);
     int r = check_file(path, f);
     if (r < 0)
         return r;
-    const struct aiScene *s = aiImportFile(path, aiProcess_Triangulate);
-    if (!s)
-        return fault_set(f, ARRIS_E_INPUT, hint, "%s cannot be read: %s", path, aiGetErrorString());
-    r = take(m, s, path, f);
-    aiReleaseImport(s);
+    r = import(m, path, f);
     if (r == 0)
         r = weld(m, f);
     return r == 0 ? drop_flat(m, path, f) : r;
