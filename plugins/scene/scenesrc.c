@@ -22,7 +22,12 @@
 #include "route.h"
 #include "view.h"
 
-enum { SLICE = 100000000 /* ns */, WAIT = 100000000 /* ns, for the robot's word */, FRAMES = 135 };
+enum {
+    SLICE = 100000000 /* ns */,
+    WAIT = 100000000 /* ns, for the robot's word */,
+    HELD = 8 /* frames */,
+    FRAMES = 135
+};
 
 struct scenesrc {
     const char *location, *camera_path, *poses, *robot, *handeye;
@@ -139,13 +144,14 @@ static int64_t since_start(const struct scenesrc *c, int64_t i) {
     return (int64_t)((double)i * 1e6 / c->fps);
 }
 
-/* A live camera exposes when it is time. A frame whose time has gone by meanwhile is lost, as with
- * any camera. Returns the time of exposure, µs since the epoch. */
+/* A live camera exposes when it is time, whatever the host does; its driver holds some frames for
+ * one that comes late, and those before are lost. Returns the time of exposure, µs since the epoch.
+ */
 static int64_t wait_for_exposure(arris_stage *s, struct scenesrc *c) {
     int64_t now = arris_now();
     if (c->began == 0)
         c->began = now;
-    while (c->began + 1000 * since_start(c, c->next + 1) < now) {
+    while (c->began + 1000 * since_start(c, c->next + HELD) < now) {
         arris_count(s, "frames lost", 1);
         c->next++;
     }
