@@ -705,6 +705,22 @@ static void recordings_are_played_and_recorded_again(void **state) {
     }
 }
 
+/* Least of all the one that is being played. */
+static void a_recording_is_not_written_over(void **state) {
+    (void)state;
+    char here[PATH_MAX], from[2 * PATH_MAX];
+    if (!realpath(".", here))
+        abort();
+    snprintf(from, sizeof from, "%s/tests/data/image/scan/frames.csv", here);
+    record(from, "kept");
+    char *before = file_text(scratch("kept/frames.csv"));
+    expect(scratch("kept"), "",
+           "launch 'imagesrc location=frames.csv step=2 ! filesink location=frames.csv'", 4,
+           "not written over");
+    assert_text(scratch("kept/frames.csv"), before);
+    free(before);
+}
+
 static void no_frames_at_all(void **state) {
     (void)state;
     const char *folder = scratch_mkdir("none");
@@ -778,6 +794,7 @@ int main(void) {
         cmocka_unit_test(output_where_there_is_no_file_to_be),
         cmocka_unit_test(every_kind_of_file),
         cmocka_unit_test(recordings_are_played_and_recorded_again),
+        cmocka_unit_test(a_recording_is_not_written_over),
         cmocka_unit_test(no_frames_at_all),
         cmocka_unit_test(check_leaves_nothing),
         cmocka_unit_test(what_is_wrong_is_said),

@@ -55,6 +55,7 @@ static const arris_prop props[] = {
 static int cannot_write(arris_stage *s, const struct filesink *k, int error) {
     const char *hint = error == ENOENT   ? "create the folder first"
                        : error == ENOSPC ? "free some space, or write to another disk"
+                       : error == EEXIST ? "a recording is not written over: name another folder"
                                          : NULL;
     return arris_fail(s, ARRIS_E_IO, hint, "cannot write %s: %s", k->location, strerror(error));
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * png.c: a picture as PNG, grey of 8 or 16 bits, through libpng. Noise does not compress, so that
- * it be fast counts for more than the last byte.
+ * png.c: a picture as PNG, grey of 8 or 16 bits, through libpng. A camera's noise repeats nothing:
+ * to look for repetitions would cost time and gain no byte.
  */
 #include <png.h>
 #include <setjmp.h>

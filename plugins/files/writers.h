@@ -91,7 +91,8 @@ typedef struct recording {
     picture buffer;
 } recording;
 
-/* `csv` is frames.csv; `location` must outlive *r; `pose` may be NULL or invalid. The functions
+/* A recording is not written over (EEXIST): it may be the one that is being played. `csv` is
+ * frames.csv; `location` must outlive *r; `pose` may be NULL or invalid. The functions
  * return 0 or an errno. recording_free must follow in any case. */
 int recording_begin(recording *r, FILE *csv, const char *location, const arris_caps *caps);
 int recording_frame(recording *r, FILE *csv, int64_t index, int64_t utime, const arris_image *image,
