@@ -66,6 +66,22 @@ static int check_picture(const arris_camera *c, fault *f) {
                      c->width, c->height);
 }
 
+/* Without a direction it comes over the camera's left shoulder, as that is turned half way or in
+ * the first pose of a list. */
+static void find_light(const struct scenesrc *c, double light[3]) {
+    static const double shoulder[3] = {0.35, 0.25, 0.9};
+    arris_pose pose;
+    memcpy(light, c->light, sizeof c->light);
+    if (arris_dot(light, light) > 0)
+        return;
+    route_pose(&c->route, 0, 1, &pose);
+    if (c->poses)
+        frames_pose(&c->list.item[0], &pose);
+    for (int k = 0; k < 3; k++)
+        light[k] =
+            pose.R[k] * shoulder[0] + pose.R[3 + k] * shoulder[1] + pose.R[6 + k] * shoulder[2];
+}
+
 static int load_cell(struct scenesrc *c, size_t *flat, fault *f) {
     mesh m;
     int r = mesh_load(&m, c->location, f);
@@ -73,10 +89,9 @@ static int load_cell(struct scenesrc *c, size_t *flat, fault *f) {
         r = cell_build(&c->cell, &m, f);
     *flat = m.flat;
     mesh_free(&m);
-    if (r == 0 && arris_dot(c->light, c->light) < 1e-12)
-        r = fault_set(f, ARRIS_E_USAGE, "for straight down the camera's axis: light-z=1",
-                      "light-x, light-y and light-z are all 0: the light has no direction");
-    return r == 0 ? cell_light_up(&c->cell, c->light, f) : r;
+    double light[3];
+    find_light(c, light);
+    return r == 0 ? cell_light_up(&c->cell, light, f) : r;
 }
 
 static int load_route(struct scenesrc *c, fault *f) {
@@ -248,9 +263,11 @@ static const arris_prop props[] = {
     ARRIS_P_DOUBLE(T, jitter, "jitter", "0", 0, 100, "mm",
                    "sigma, on each axis, of where the camera is from where it reports to be"),
     ARRIS_P_DOUBLE(T, jitter_rot, "jitter-rot", "0", 0, 0.1, "rad", "likewise, of its rotation"),
-    ARRIS_P_DOUBLE(T, light[0], "light-x", "0.35", -1, 1, NULL, "the way that the light goes"),
-    ARRIS_P_DOUBLE(T, light[1], "light-y", "0.25", -1, 1, NULL, "likewise"),
-    ARRIS_P_DOUBLE(T, light[2], "light-z", "0.9", -1, 1, NULL, "likewise"),
+    ARRIS_P_DOUBLE(T, light[0], "light-x", "0", -1, 1, NULL,
+                   "the way in the world that the light goes; all 0: from over the shoulder of the "
+                   "camera as omega, theta and kappa, or the first of poses=, have it"),
+    ARRIS_P_DOUBLE(T, light[1], "light-y", "0", -1, 1, NULL, "likewise"),
+    ARRIS_P_DOUBLE(T, light[2], "light-z", "0", -1, 1, NULL, "likewise"),
     ARRIS_P_DOUBLE(T, shade.ambient, "ambient", "0.4", 0, 1, NULL,
                    "the share of light that comes from everywhere; 1: no shadows"),
     ARRIS_P_DOUBLE(T, shade.background, "background", "20", 0, 255, "levels",
