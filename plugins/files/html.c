@@ -5,7 +5,6 @@
 #include "html.h"
 
 #include <math.h>
-#include <png.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -91,19 +90,15 @@ static void base64(FILE *out, const uint8_t *data, size_t n) {
 }
 
 static void picture(FILE *out, const report *r) {
-    png_image image = {.version = PNG_IMAGE_VERSION,
-                       .width = (png_uint_32)r->width,
-                       .height = (png_uint_32)r->height,
-                       .format = PNG_FORMAT_GRAY};
-    png_alloc_size_t n = PNG_IMAGE_PNG_SIZE_MAX(image);
-    uint8_t *data = malloc(n);
-    if (data && png_image_write_to_memory(&image, data, &n, 0, r->grey, 0, NULL)) {
+    const arris_image image = {ARRIS_GREY8, r->width, r->height, r->width, NULL, r->grey};
+    memory_file png;
+    if (png_reserve(&png, (size_t)r->width * (size_t)r->height) && png_encode(&png, &image)) {
         fprintf(out, "<image width=\"%d\" height=\"%d\" href=\"data:image/png;base64,", r->width,
                 r->height);
-        base64(out, data, n);
+        base64(out, png.data, png.n);
         fputs("\"/>\n", out);
     }
-    free(data);
+    free(png.data);
 }
 
 /* A nominal edge as the lens bends it. */

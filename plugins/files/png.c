@@ -6,6 +6,7 @@
 #include <png.h>
 #include <setjmp.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 #include <zlib.h>
 
@@ -21,7 +22,7 @@ static void on_warning(png_structp png, png_const_charp text) {
 }
 
 static void on_write(png_structp png, png_bytep data, size_t n) {
-    picture *p = png_get_io_ptr(png);
+    memory_file *p = png_get_io_ptr(png);
     if (n > p->max - p->n)
         png_error(png, "it is longer than its grey levels");
     memcpy(p->data + p->n, data, n);
@@ -32,7 +33,8 @@ static void on_flush(png_structp png) {
     (void)png;
 }
 
-static void write_rows(png_structp png, png_infop info, picture *out, const arris_image *image) {
+static void write_rows(png_structp png, png_infop info, memory_file *out,
+                       const arris_image *image) {
     const uint16_t one = 1;
     png_set_write_fn(png, out, on_write, on_flush);
     png_set_filter(png, 0, PNG_FILTER_SUB);
@@ -48,7 +50,14 @@ static void write_rows(png_structp png, png_infop info, picture *out, const arri
     png_write_end(png, NULL);
 }
 
-bool png_encode(picture *out, const arris_image *image) {
+/* Without repetitions a byte takes 15 bits at worst. */
+bool png_reserve(memory_file *out, size_t grey) {
+    *out = (memory_file){.max = 2 * grey + (1 << 16)};
+    out->data = malloc(out->max);
+    return out->data != NULL;
+}
+
+bool png_encode(memory_file *out, const arris_image *image) {
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, on_error, on_warning);
     png_infop info = png ? png_create_info_struct(png) : NULL;
     out->n = 0;

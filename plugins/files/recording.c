@@ -35,9 +35,8 @@ int recording_begin(recording *r, FILE *csv, const char *location, const arris_c
     output o = {0};
     const arris_camera *camera = caps->camera;
     *r = (recording){.location = location};
-    r->buffer.max = 2 * (size_t)caps->width * (size_t)caps->height * caps->format + (1 << 16);
-    r->buffer.data = malloc(r->buffer.max);
-    int error = !r->buffer.data ? ENOMEM : access(location, F_OK) == 0 ? EEXIST : 0;
+    size_t grey = (size_t)caps->width * (size_t)caps->height * caps->format;
+    int error = !png_reserve(&r->buffer, grey) ? ENOMEM : access(location, F_OK) == 0 ? EEXIST : 0;
     if (!error)
         error = beside(location, "frames", path);
     if (!error && mkdir(path, 0777) < 0 && errno != EEXIST)

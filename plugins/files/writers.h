@@ -75,20 +75,23 @@ int tracks_write(FILE *out, FILE *spool, uint32_t total);
 /* ---- pictures ------------------------------------------------------------------------------- */
 
 /* A file in memory: n bytes of the `max` that it has room for. */
-typedef struct picture {
+typedef struct memory_file {
     uint8_t *data;
     size_t n, max;
-} picture;
+} memory_file;
+
+/* Room for any picture of so many bytes as PNG; free(data) releases it. False: no memory. */
+bool png_reserve(memory_file *out, size_t grey);
 
 /* A picture as PNG. False when there is no room or no memory for it. */
-bool png_encode(picture *out, const arris_image *image);
+bool png_encode(memory_file *out, const arris_image *image);
 
 /* A scan as imagesrc plays it: frames.csv, which is to be at `location`, and beside it
  * frames/0000.png and so on, and camera.json when the camera is known. */
 typedef struct recording {
     const char *location;
     uint64_t n; /* frames so far */
-    picture buffer;
+    memory_file buffer;
 } recording;
 
 /* A recording is not written over (EEXIST): it may be the one that is being played. `csv` is
