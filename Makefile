@@ -76,7 +76,7 @@ $(B)/lcmtypes/arris_%.c $(B)/lcmtypes/arris_%.h: plugins/lcm/types/%.lcm | $(B)/
 	$(Q)lcm-gen -c --c-cpath $(@D) --c-hpath $(@D) --cinclude lcmtypes $<
 $(types_c:%=%.o): %.c.o: %.c | $(types_c)
 	$(call say,CC,$<)
-	$(Q)$(CC) $(cflags) -w -c -o $@ $<
+	$(Q)$(CC) $(cflags) -w -fno-sanitize=undefined -c -o $@ $<
 lcmtypes-python: $(types) | $(B)/packages
 	@mkdir -p $(B)/python
 	$(Q)lcm-gen -p --ppath $(B)/python $(types)

@@ -237,8 +237,7 @@ typedef struct arris_verdict {
     int32_t *extra; /* ids of lines */
 } arris_verdict;
 
-/* ---- how the stream goes ----------------------------------------------------------------------
- */
+/* ---- how the stream goes --------------------------------------------------------------------- */
 
 typedef struct arris_progress {
     uint64_t frames;                /* that the source has made */

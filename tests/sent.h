@@ -22,13 +22,14 @@ typedef struct message {
 } message;
 
 static inline arris_robot_state_t a_state(int64_t utime, int32_t seq, double x) {
+    static char none[] = "";
     return (arris_robot_state_t){.utime = utime,
                                  .seq = seq,
                                  .session = 1,
                                  .pos = {x, 0, 0},
                                  .quat = {1, 0, 0, 0},
                                  .homed = 1,
-                                 .message = (char[]){""}};
+                                 .message = none};
 }
 
 static inline void encoded(message *m, int n) {

@@ -29,8 +29,7 @@
 
 static const int64_t MS = 1000000; /* ns */
 
-/* ---- the types ----------------------------------------------------------------------------------
- */
+/* ---- the types ------------------------------------------------------------------------------- */
 
 /* bot_core's image_t, whose viewers know it by this. */
 static const uint64_t BOT_CORE_IMAGE = 0x14739ffe13d5f5f0;
@@ -60,8 +59,7 @@ static void fingerprints_never_change(void **state) {
                      (unsigned long long)types[i].hash());
 }
 
-/* ---- poses between poses ------------------------------------------------------------------------
- */
+/* ---- poses between poses --------------------------------------------------------------------- */
 
 static void quaternions_and_matrices_agree(void **state) {
     (void)state;
@@ -143,8 +141,7 @@ static void rotations_go_the_short_way(void **state) {
     assert_true(fabs(half[0] - cos(2 * a)) < 1e-12 && fabs(half[2] - sin(2 * a)) < 1e-12);
 }
 
-/* ---- the robot's states
- * --------------------------------------------------------------------------- */
+/* ---- the robot's states ---------------------------------------------------------------------- */
 
 static void hear(states *s, int64_t utime, int32_t seq, int64_t session, int64_t now) {
     static message m;
@@ -260,8 +257,7 @@ static void nonsense_is_counted(void **state) {
     states_free(&s);
 }
 
-/* ---- pictures
- * --------------------------------------------------------------------------------------- */
+/* ---- pictures -------------------------------------------------------------------------------- */
 
 static void pictures_are_like_the_first(void **state) {
     (void)state;
@@ -292,8 +288,7 @@ static void pictures_are_like_the_first(void **state) {
     pictures_free(&p);
 }
 
-/* ---- a million malformed messages
- * -------------------------------------------------------------------- */
+/* ---- a million malformed messages ------------------------------------------------------------ */
 
 typedef struct victims {
     states states;
@@ -361,8 +356,7 @@ static void malformed_messages_do_no_harm(void **state) {
     pictures_free(&v.pictures);
 }
 
-/* ---- what is told of lines
- * --------------------------------------------------------------------------- */
+/* ---- what is told of lines ------------------------------------------------------------------- */
 
 static arris_line a_line(int32_t id, enum arris_line_change change) {
     return (arris_line){.id = id, .change = change, .into = -1};
@@ -413,8 +407,7 @@ static void no_change_is_lost(void **state) {
     book_free(&b);
 }
 
-/* ---- the stages, as users run them
- * -------------------------------------------------------------------- */
+/* ---- the stages, as users run them ----------------------------------------------------------- */
 
 static char *box(void) {
     static char path[PATH_MAX];

@@ -23,8 +23,7 @@
 static const int64_t PERIOD = 5000000;   /* ns */
 static const int64_t BEGIN = 1000000000; /* ns, of simulated time */
 
-/* ---- motion
- * --------------------------------------------------------------------------------------- */
+/* ---- motion ---------------------------------------------------------------------------------- */
 
 /* The greatest speed and acceleration of a profile, by differences of 0.1 ms. */
 static void measure(const profile *p, double *speed, double *acceleration) {
@@ -75,8 +74,7 @@ static void a_path_stops_at_its_corners(void **state) {
     assert_int_equal(path_run_end(&p, 3), 4);
 }
 
-/* ---- the simulated robot
- * ---------------------------------------------------------------------------- */
+/* ---- the simulated robot --------------------------------------------------------------------- */
 
 static robot_options plain(void) {
     return (robot_options){.home.quat = {1, 0, 0, 0}, .acceleration = 500, .seed = 1};
@@ -184,8 +182,7 @@ static void the_truth_is_off_as_asked(void **state) {
     assert_true(leap < 0.01);
 }
 
-/* ---- a daemon and who commands it
- * -------------------------------------------------------------------- */
+/* ---- a daemon and who commands it ------------------------------------------------------------ */
 
 typedef struct cell {
     lcm_link *link;

@@ -68,8 +68,7 @@ static int say(const fault *f, int code) {
     return code;
 }
 
-/* ---- words -------------------------------------------------------------------------------------
- */
+/* ---- words ----------------------------------------------------------------------------------- */
 
 /* n numbers with commas between, from `min` to `max`. */
 static bool numbers(const char *text, int n, double min, double max, double *out) {
@@ -143,8 +142,7 @@ static int parse(int argc, char **argv, arguments *a) {
     return 0;
 }
 
-/* ---- the daemon --------------------------------------------------------------------------------
- */
+/* ---- the daemon ------------------------------------------------------------------------------ */
 
 static void sleep_until(int64_t ns) {
     struct timespec t = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
@@ -187,8 +185,7 @@ static int be_daemon(const arguments *a, lcm_link *link) {
     return 0;
 }
 
-/* ---- commands ----------------------------------------------------------------------------------
- */
+/* ---- commands -------------------------------------------------------------------------------- */
 
 static int read_row(const csv *c, const int *column, robot_pose *p, fault *f) {
     int r = 0;

@@ -12,8 +12,7 @@
 static const double LEVER = 100;      /* mm of way a radian */
 static const double STRAIGHT = 0.996; /* cosine of the turn that needs no stop */
 
-/* ---- speed -------------------------------------------------------------------------------------
- */
+/* ---- speed ----------------------------------------------------------------------------------- */
 
 profile profile_plan(double s0, double s1, double speed, double a, int64_t begin) {
     double way = s1 - s0, v = fmin(speed, sqrt(way * a)); /* the triangle's, when that is lower */
@@ -61,8 +60,7 @@ profile profile_brake(const profile *p, double a, int64_t now) {
     return b;
 }
 
-/* ---- the path ----------------------------------------------------------------------------------
- */
+/* ---- the path -------------------------------------------------------------------------------- */
 
 static void difference(const robot_pose *a, const robot_pose *b, double d[3]) {
     for (int i = 0; i < 3; i++)

@@ -52,8 +52,7 @@ struct robot {
     atomic_ullong malformed;
 };
 
-/* ---- what comes in -----------------------------------------------------------------------------
- */
+/* ---- what comes in --------------------------------------------------------------------------- */
 
 void robot_receive(robot *r, const void *data, size_t n) {
     pthread_mutex_lock(&r->mutex);
@@ -83,8 +82,7 @@ static bool take(robot *r) {
     return any;
 }
 
-/* ---- answers -----------------------------------------------------------------------------------
- */
+/* ---- answers --------------------------------------------------------------------------------- */
 
 static void send_answer(robot *r, const answer *a, int64_t utime) {
     uint8_t buffer[STATE_MAX];
@@ -117,8 +115,7 @@ static void reply(robot *r, int64_t commander, int32_t request, int8_t result, c
     send_answer(r, a, utime);
 }
 
-/* ---- commands ----------------------------------------------------------------------------------
- */
+/* ---- commands -------------------------------------------------------------------------------- */
 
 /* Has the robot stop, and the request under way end with `outcome`. */
 static void halt(robot *r, int8_t outcome, const char *reason, int64_t now) {
@@ -240,8 +237,7 @@ static void obey(robot *r, const command *c, int64_t now, int64_t utime) {
         command_now(r, c, now, utime);
 }
 
-/* ---- watching over it --------------------------------------------------------------------------
- */
+/* ---- watching over it ------------------------------------------------------------------------ */
 
 static void watch(robot *r, int64_t now, int64_t utime) {
     const robot_reading *is = &r->reading;
@@ -262,8 +258,7 @@ static void watch(robot *r, int64_t now, int64_t utime) {
         r->commander = 0;
 }
 
-/* ---- what it tells -----------------------------------------------------------------------------
- */
+/* ---- what it tells --------------------------------------------------------------------------- */
 
 static void tell(robot *r, const char *channel, const robot_pose *at, int64_t utime) {
     const robot_reading *is = &r->reading;
@@ -305,8 +300,7 @@ void robot_step(robot *r, int64_t now, int64_t utime) {
     r->state_seq++;
 }
 
-/* ---- beginning and end -------------------------------------------------------------------------
- */
+/* ---- beginning and end ----------------------------------------------------------------------- */
 
 robot *robot_new(const robot_driver *driver, const robot_options *options,
                  const robot_limits *limits, lcm_link *link, int64_t now, fault *f) {

@@ -28,8 +28,7 @@ typedef struct sim {
     uint64_t targets;  /* ever missed */
 } sim;
 
-/* ---- chance, the same for the same seed --------------------------------------------------------
- */
+/* ---- chance, the same for the same seed ------------------------------------------------------ */
 
 /* From 0 to 1, by what it is for (splitmix64). */
 static double chance(const sim *m, uint64_t kind, uint64_t k) {
@@ -58,8 +57,7 @@ static double stick_slip(const sim *m, int axis, double travel) {
     return -top + (top + next) * (u - slip) / (1 - slip);
 }
 
-/* ---- motion ------------------------------------------------------------------------------------
- */
+/* ---- motion ---------------------------------------------------------------------------------- */
 
 static void begin_run(sim *m, int from, int64_t now) {
     m->run = from;
@@ -122,8 +120,7 @@ static void advance(sim *m, int64_t now) {
     }
 }
 
-/* ---- the driver --------------------------------------------------------------------------------
- */
+/* ---- the driver ------------------------------------------------------------------------------ */
 
 static void *sim_open(const robot_options *o, int64_t now, fault *f) {
     sim *m = calloc(1, sizeof *m);

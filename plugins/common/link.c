@@ -52,8 +52,7 @@ int64_t link_utime(void) {
     return (int64_t)t.tv_sec * 1000000 + t.tv_nsec / 1000;
 }
 
-/* ---- the thread --------------------------------------------------------------------------------
- */
+/* ---- the thread ------------------------------------------------------------------------------ */
 
 static void handle(const lcm_recv_buf_t *buffer, const char *channel, void *user) {
     const subscription *s = user;
@@ -129,8 +128,7 @@ static void *play(void *arg) {
     return NULL;
 }
 
-/* ---- opening and closing -----------------------------------------------------------------------
- */
+/* ---- opening and closing --------------------------------------------------------------------- */
 
 static int connect_to(lcm_link *l, fault *f) {
     size_t n = strlen(log_scheme);
@@ -209,8 +207,7 @@ void link_close(lcm_link *l) {
     destroy(l);
 }
 
-/* ---- its use -----------------------------------------------------------------------------------
- */
+/* ---- its use --------------------------------------------------------------------------------- */
 
 int link_check_channel(const char *channel, fault *f) {
     static const char good[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-";

@@ -64,8 +64,7 @@ void rigid_slerp(const double a[4], const double b[4], double f, double q[4]) {
         q[i] /= n;
 }
 
-/* ---- a pose moved along -----------------------------------------------------------------------
- */
+/* ---- a pose moved along ---------------------------------------------------------------------- */
 
 /* The place of (i, j) in an upper triangle of 6x6, row by row. */
 static int at(int i, int j) {

@@ -34,8 +34,7 @@ struct lcmsink {
     const char *trouble;   /* as it had it */
 };
 
-/* ---- status ------------------------------------------------------------------------------------
- */
+/* ---- status ---------------------------------------------------------------------------------- */
 
 static void send_status(struct lcmsink *k, bool ended) {
     arris_progress p = arris_stage_progress(k->stage);
@@ -59,8 +58,7 @@ static void tick(void *user) {
     pthread_mutex_unlock(&k->mutex);
 }
 
-/* ---- what comes with frames --------------------------------------------------------------------
- */
+/* ---- what comes with frames ------------------------------------------------------------------ */
 
 /* Whether a content is to be sent with this frame; counts the time to the next from now. */
 static bool is_due(struct lcmsink *k, int content) {
@@ -131,8 +129,7 @@ static int finish(arris_stage *s, void *self, arris_frame *f) {
     return 0;
 }
 
-/* ---- the stage ---------------------------------------------------------------------------------
- */
+/* ---- the stage ------------------------------------------------------------------------------- */
 
 /* Only what is on and there is asked for. */
 static int settle(arris_stage *s, void *self, arris_layers *l) {

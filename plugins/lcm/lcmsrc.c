@@ -35,8 +35,7 @@ struct lcmsrc {
     pictures in;
 };
 
-/* ---- pictures that come in ---------------------------------------------------------------------
- */
+/* ---- pictures that come in ------------------------------------------------------------------- */
 
 static void wait_until(struct lcmsrc *l, int64_t ns) {
     struct timespec t = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
@@ -71,8 +70,7 @@ static void tick(void *user) {
     arris_trouble(l->stage, network ? network : silent ? "no pictures come in" : NULL);
 }
 
-/* ---- the first picture -------------------------------------------------------------------------
- */
+/* ---- the first picture ----------------------------------------------------------------------- */
 
 /* A log is looked into for it, since it is played from its beginning only when all listen. */
 static void look_into_log(struct lcmsrc *l) {
@@ -123,8 +121,7 @@ static int check_camera(const struct lcmsrc *l, fault *f) {
                      c->width, c->height, l->in.width, l->in.height);
 }
 
-/* ---- the stage ---------------------------------------------------------------------------------
- */
+/* ---- the stage ------------------------------------------------------------------------------- */
 
 static int prepare(struct lcmsrc *l, fault *f) {
     pthread_condattr_t attr;

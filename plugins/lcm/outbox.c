@@ -127,8 +127,7 @@ static int32_t parts_for(uint32_t n, uint32_t each) {
     return n ? (int32_t)((n + each - 1) / each) : 1;
 }
 
-/* ---- lines -------------------------------------------------------------------------------------
- */
+/* ---- lines ----------------------------------------------------------------------------------- */
 
 static void put_line(line_arrays *a, int32_t i, const book_line *b) {
     const arris_line *l = &b->l;
@@ -188,8 +187,7 @@ int outbox_lines(outbox *o, const stamp *s, int8_t kind, const book *b, const ar
     return rc;
 }
 
-/* ---- segments ----------------------------------------------------------------------------------
- */
+/* ---- segments -------------------------------------------------------------------------------- */
 
 static void find_tracks(outbox *o, const arris_tracks *tracks, uint32_t n) {
     for (uint32_t i = 0; i < n; i++)
@@ -227,8 +225,7 @@ int outbox_segments(outbox *o, const stamp *s, const arris_segments *segments,
     return rc;
 }
 
-/* ---- the verdict -------------------------------------------------------------------------------
- */
+/* ---- the verdict ----------------------------------------------------------------------------- */
 
 static void put_feature(arris_verdict_feature_t *m, char reason[REASON], const arris_feature *f) {
     snprintf(reason, REASON, "%s", f->reason ? f->reason : "");
@@ -276,8 +273,7 @@ int outbox_verdict(outbox *o, const stamp *s, const arris_verdict *v, bool final
     return rc;
 }
 
-/* ---- pictures ----------------------------------------------------------------------------------
- */
+/* ---- pictures -------------------------------------------------------------------------------- */
 
 int outbox_image(outbox *o, const stamp *s, const arris_image *image) {
     size_t row = (size_t)image->width * image->format;
@@ -333,8 +329,7 @@ int outbox_preview(outbox *o, const stamp *s, const arris_image *image) {
                 arris_preview_t_encode(o->buffer, 0, sizeof o->buffer, &m));
 }
 
-/* ---- status ------------------------------------------------------------------------------------
- */
+/* ---- status ---------------------------------------------------------------------------------- */
 
 typedef struct counters {
     arris_status_counter_t *item;

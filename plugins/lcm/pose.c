@@ -42,8 +42,7 @@ struct pose {
     uint64_t counted[STATES_EVENTS];
 };
 
-/* ---- the robot's states ------------------------------------------------------------------------
- */
+/* ---- the robot's states ---------------------------------------------------------------------- */
 
 static void receive(void *user, const void *data, size_t n) {
     struct pose *p = user;
@@ -130,8 +129,7 @@ static int listen_to_robot(struct pose *p, fault *f) {
     return p->link ? link_subscribe(p->link, p->channel, QUEUE, receive, tick, p, f) : ARRIS_E_IO;
 }
 
-/* ---- a list of poses ---------------------------------------------------------------------------
- */
+/* ---- a list of poses ------------------------------------------------------------------------- */
 
 static int compare_index(const void *a, const void *b) {
     const frame_entry *x = a, *y = b;
@@ -186,8 +184,7 @@ static void from_list(const struct pose *p, int64_t index, int64_t utime, arris_
     }
 }
 
-/* ---- the stage ---------------------------------------------------------------------------------
- */
+/* ---- the stage ------------------------------------------------------------------------------- */
 
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
     struct pose *p = self;
