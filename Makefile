@@ -187,7 +187,7 @@ run-tests: all test-parts $(tests:%=$(B)/tests/test_%)
 
 check: setup-check
 	$(MAKE) run-tests B=$(B)/asan SAN=address,undefined LDFLAGS='$(LDFLAGS) -fno-sanitize-recover=all'
-	TSAN_OPTIONS=halt_on_error=1 $(MAKE) run-tests B=$(B)/tsan SAN=thread
+	TSAN_OPTIONS=halt_on_error=1:suppressions=$(CURDIR)/tests/tsan.supp $(MAKE) run-tests B=$(B)/tsan SAN=thread
 	$(MAKE) run-valgrind
 	$(MAKE) run-fuzz
 # Of a test all, or those whose names match: the others would take minutes there.

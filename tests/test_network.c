@@ -260,7 +260,7 @@ static void it_ends_well_and_has_said_all(void **state) {
             fail_msg("it has not said '%s' but:\n%s", said[i], t->p.err);
     atomic_store(&t->w.stop, true);
     pthread_join(t->w.thread, NULL);
-    assert_int_equal(t->s.state, ARRIS_STATUS_T_ENDED);
+    assert_int_equal(now_of(&t->s).state, ARRIS_STATUS_T_ENDED);
     link_unsubscribe(t->w.link, &t->s);
     link_close(t->w.link);
     process_free(&t->p);
@@ -272,7 +272,7 @@ enum { KNOWN = 4000 };
 typedef struct listener {
     pthread_mutex_t mutex;
     bool knows[KNOWN];
-    int messages, total;
+    int total;
     bool final;
 } listener;
 
@@ -288,7 +288,6 @@ static void on_lines(void *user, const void *data, size_t n) {
         if (m.id[i] >= 0 && m.id[i] < KNOWN)
             l->knows[m.id[i]] =
                 m.change[i] != ARRIS_LINES_T_MERGED && m.change[i] != ARRIS_LINES_T_RETIRED;
-    l->messages++;
     l->total = m.total;
     l->final |= m.kind == ARRIS_LINES_T_FINAL;
     pthread_mutex_unlock(&l->mutex);
@@ -314,27 +313,28 @@ static void no_line_is_lost_with_the_network(void **state) {
         skip();
     lcm_link *link = link_open(NULL, &f);
     assert_int_equal(link_subscribe(link, "ARRIS_LINES", 64, on_lines, NULL, &l, &f), 0);
-    process p = arris_begin(NULL, -1,
-                            "launch --stats imagesrc location=samples/box/frames.csv fps=40 ! "
-                            "edges ! undistort ! segments ! track ! reconstruct ! lcmsink");
-    for (int ms = 0; ms < PATIENCE_MS && !l.messages; ms += 10)
+    process p =
+        arris_begin(NULL, -1,
+                    "launch --stats imagesrc location=samples/box/frames.csv stop=75 fps=15 ! "
+                    "edges ! undistort ! segments ! track ! reconstruct ! lcmsink");
+    for (int ms = 0; ms < PATIENCE_MS && !known(&l); ms += 10)
         nap(10);
-    nap(500);
+    nap(1000);
     assert_true(netns_set(false));
     nap(1000);
     int before = known(&l);
     assert_true(netns_set(true));
     process_wait(&p);
     nap(200);
+    link_unsubscribe(link, &l);
+    link_close(link);
     print_message("%d lines known while the network was gone, %d of %d in the end\n", before,
                   known(&l), l.total);
     assert_int_equal(p.code, 0);
     assert_true(l.final);
     assert_true(abs(known(&l) - l.total) <= 3); /* the end of the scan completes and merges some */
-    assert_true(l.total > 5);
+    assert_true(l.total > 3);
     process_free(&p);
-    link_unsubscribe(link, &l);
-    link_close(link);
 }
 
 /* ---- another language ------------------------------------------------------------------------ */

@@ -4,9 +4,9 @@
  * over LCM as from another program.
  */
 #include <math.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
-#include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -187,9 +187,9 @@ static void the_truth_is_off_as_asked(void **state) {
 typedef struct cell {
     lcm_link *link;
     robot *robot;
-    int64_t now; /* ns, of simulated time */
-    atomic_int synced;
-    /* by the LCM thread; looked at when all was synced */
+    int64_t now;           /* ns, of simulated time */
+    pthread_mutex_t mutex; /* of what follows, by the LCM thread; read when that has caught up */
+    int synced;
     int acks;
     int32_t request;
     int8_t result;
@@ -202,10 +202,12 @@ static void on_ack(void *user, const void *data, size_t n) {
     cell *c = user;
     arris_robot_ack_t m;
     assert_true(arris_robot_ack_t_decode(data, 0, (int)n, &m) > 0);
+    pthread_mutex_lock(&c->mutex);
     c->acks++;
     c->request = m.request;
     c->result = m.result;
     snprintf(c->reason, sizeof c->reason, "%s", m.reason);
+    pthread_mutex_unlock(&c->mutex);
     arris_robot_ack_t_decode_cleanup(&m);
 }
 
@@ -213,21 +215,33 @@ static void on_state(void *user, const void *data, size_t n) {
     cell *c = user;
     arris_robot_state_t m;
     assert_true(arris_robot_state_t_decode(data, 0, (int)n, &m) > 0);
+    pthread_mutex_lock(&c->mutex);
     c->x = m.pos[0];
     c->moving = m.moving;
+    pthread_mutex_unlock(&c->mutex);
     arris_robot_state_t_decode_cleanup(&m);
 }
 
 static void on_sync(void *user, const void *data, size_t n) {
+    cell *c = user;
     (void)data, (void)n;
-    atomic_fetch_add(&((cell *)user)->synced, 1);
+    pthread_mutex_lock(&c->mutex);
+    c->synced++;
+    pthread_mutex_unlock(&c->mutex);
+}
+
+static int synced(cell *c) {
+    pthread_mutex_lock(&c->mutex);
+    int n = c->synced;
+    pthread_mutex_unlock(&c->mutex);
+    return n;
 }
 
 /* All that was sent before has come. */
 static void sync_up(cell *c) {
-    int before = atomic_load(&c->synced);
+    int before = synced(c);
     link_publish(c->link, "SYNC", "", 1);
-    while (atomic_load(&c->synced) == before)
+    while (synced(c) == before)
         nanosleep(&(struct timespec){0, 10000}, NULL);
 }
 
@@ -267,7 +281,7 @@ static cell begin(void) {
                                         .speed = 100,
                                         .max_speed = 200,
                                         .link_timeout = 0.5};
-    cell c = {.now = BEGIN};
+    cell c = {.now = BEGIN, .mutex = PTHREAD_MUTEX_INITIALIZER};
     fault f;
     c.link = link_open("memq://", &f);
     assert_non_null(c.link);

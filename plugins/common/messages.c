@@ -12,6 +12,15 @@
 
 static const double FAR = 1e6; /* mm */
 
+/* lcm-gen's code computes a fingerprint when it is first asked for, without a lock: so before there
+ * are threads. */
+__attribute__((constructor)) static void compute_fingerprints(void) {
+    __arris_robot_state_t_get_hash();
+    __arris_robot_command_t_get_hash();
+    __arris_robot_ack_t_get_hash();
+    __arris_image_t_get_hash();
+}
+
 /* A string of a received message: the generated structs have no const. */
 static char *text(wire *w) {
     return (char *)(uintptr_t)wire_string(w, MESSAGE_TEXT);

@@ -65,6 +65,15 @@ struct outbox {
     size_t max_image;
 };
 
+/* As in messages.c, for what is only sent. */
+__attribute__((constructor)) static void compute_fingerprints(void) {
+    __arris_lines_t_get_hash();
+    __arris_segments_t_get_hash();
+    __arris_verdict_t_get_hash();
+    __arris_status_t_get_hash();
+    __arris_preview_t_get_hash();
+}
+
 static void point_at_rows(outbox *o) {
     for (int i = 0; i < LINES; i++) {
         o->lines.p_row[i] = o->lines.p[i];
