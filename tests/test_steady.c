@@ -22,7 +22,8 @@
 
 #define SINKS                                                                                      \
     "tee name=t t. ! filesink location=lines.json t. ! filesink location=lines.svg t. ! filesink " \
-    "location=segments.csv t. ! queue ! filesink location=tracks.csv t. ! "
+    "location=segments.csv t. ! queue ! filesink location=tracks.csv t. ! lcmsink url=memq:// "    \
+    "segments=every images=every preview=10 t. ! "
 
 static void skip_when_sanitized(void) {
     if (!SANITIZED)
@@ -146,6 +147,19 @@ static void nothing_is_allocated_by_the_camera(void **state) {
     assert_int_equal(count_ours(line), 0);
 }
 
+/* From a log of LCM messages, which liblcm reads into memory that it allocates. */
+static void nothing_is_allocated_for_what_comes_in(void **state) {
+    (void)state;
+    skip_when_sanitized();
+    make_scan();
+    run("scan", "imagesrc location=frames.csv loop=10 ! lcmsink images=every "
+                "url=file://run.lcmlog?mode=w");
+    assert_int_equal(count_ours("lcmsrc url=file://run.lcmlog camera=camera.json ! pose "
+                                "location=frames.csv ! edges ! undistort ! segments ! track ! "
+                                "reconstruct ! testwatch to=200 allocations=allocations"),
+                     0);
+}
+
 /* What does allocate is found: here testwatch itself, when it looks at the memory. */
 static void the_counting_counts(void **state) {
     (void)state;
@@ -192,6 +206,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nothing_is_allocated),
         cmocka_unit_test(nothing_is_allocated_by_the_camera),
+        cmocka_unit_test(nothing_is_allocated_for_what_comes_in),
         cmocka_unit_test(the_counting_counts),
         cmocka_unit_test(memory_is_flat),
     };
