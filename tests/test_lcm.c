@@ -475,6 +475,82 @@ static void a_log_replays(void **state) {
     assert_same_file("lcm/a.json", "lcm/b.json");
 }
 
+/* The box's poses as those of a flange on which the camera sits by t, with axes as the flange's. */
+static void write_flange_poses(const double t[3]) {
+    char name[2 * PATH_MAX];
+    double v[6];
+    int index;
+    long long utime;
+    snprintf(name, sizeof name, "%s/frames.csv", box());
+    FILE *in = fopen(name, "r"), *out = fopen(scratch("lcm/flange.csv"), "w");
+    assert_true(in && out);
+    fprintf(out, "index,file,utime,x,y,z,omega,theta,kappa\n");
+    assert_int_equal(fscanf(in, "%*[^\n]"), 0);
+    while (fscanf(in, " %d,%99[^,],%lld,%lf,%lf,%lf,%lf,%lf,%lf", &index, name, &utime, &v[0],
+                  &v[1], &v[2], &v[3], &v[4], &v[5]) == 9) {
+        double R[9];
+        arris_rotation(v[3], v[4], v[5], R);
+        for (int i = 0; i < 3; i++)
+            v[i] -= R[i] * t[0] + R[3 + i] * t[1] + R[6 + i] * t[2];
+        fprintf(out, "%d,%s/%s,%lld,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", index, box(), name,
+                utime, v[0], v[1], v[2], v[3], v[4], v[5]);
+    }
+    fclose(in);
+    fclose(out);
+}
+
+/* How far apart the first ends of the lines of two lines.json are at most, mm; they have as many.
+ */
+static double difference(const char *a, const char *b) {
+    char *text[2] = {file_text(scratch(a)), file_text(scratch(b))}, *at[2] = {text[0], text[1]};
+    double worst = 0;
+    int n = 0;
+    for (;; n++) {
+        double p[2][3];
+        for (int k = 0; k < 2; k++)
+            if ((at[k] = strstr(at[k], "\"p\": [")))
+                assert_int_equal(sscanf(at[k] += 6, "%lf, %lf, %lf", &p[k][0], &p[k][1], &p[k][2]),
+                                 3);
+        assert_int_equal(!at[0], !at[1]);
+        if (!at[0])
+            break;
+        for (int i = 0; i < 3; i++)
+            worst = fmax(worst, fabs(p[0][i] - p[1][i]));
+    }
+    assert_true(n > 10);
+    free(text[0]);
+    free(text[1]);
+    return worst;
+}
+
+static void a_camera_on_a_flange_measures_the_same(void **state) {
+    (void)state;
+    static const double t[3] = {-1.9, -91.7, -36.7};
+    char line[4 * PATH_MAX];
+    scratch_mkdir("lcm");
+    write_flange_poses(t);
+    scratch_write("lcm/handeye.json",
+                  "{\"camera_to_flange\": {\"x\": %g, \"y\": %g, \"z\": %g, \"qw\": 1, \"qx\": 0, "
+                  "\"qy\": 0, \"qz\": 0}}",
+                  t[0], t[1], t[2]);
+    snprintf(line, sizeof line,
+             "imagesrc location=%s/frames.csv ! " CHAIN "filesink location=a.json", box());
+    run(line);
+    snprintf(line, sizeof line,
+             "imagesrc location=flange.csv camera=%s/camera.json handeye=handeye.json ! " CHAIN
+             "filesink location=b.json",
+             box());
+    run(line);
+    snprintf(
+        line, sizeof line,
+        "imagesrc location=%s/frames.csv ! pose location=flange.csv handeye=handeye.json ! " CHAIN
+        "filesink location=c.json",
+        box());
+    run(line);
+    assert_true(difference("lcm/a.json", "lcm/b.json") < 1e-3);
+    assert_same_file("lcm/b.json", "lcm/c.json");
+}
+
 static void handeye_files_are_checked(void **state) {
     (void)state;
     static const char good[] = "{\"camera_to_flange\": {\"x\": -1.9, \"y\": -91.7, \"z\": -36.7, "
@@ -513,6 +589,7 @@ int main(void) {
         cmocka_unit_test(no_change_is_lost),
         cmocka_unit_test(a_list_gives_poses),
         cmocka_unit_test(a_log_replays),
+        cmocka_unit_test(a_camera_on_a_flange_measures_the_same),
         cmocka_unit_test(handeye_files_are_checked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

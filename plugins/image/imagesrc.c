@@ -14,7 +14,9 @@
 #include "bytes.h"
 #include "camera.h"
 #include "frames.h"
+#include "handeye.h"
 #include "picture.h"
+#include "rigid.h"
 
 enum { MAX_FILE = 1 << 30, ROOM = 1 << 16 /* bytes */, SLICE = 100000000 /* ns */ };
 
@@ -23,14 +25,15 @@ static const char picture_hint[] =
     "this one out, or record it again";
 
 struct imagesrc {
-    const char *location, *camera_path;
+    const char *location, *camera_path, *handeye_path;
     int32_t loop, start, stop, step;
     double fps;
 
     frame_list frames;
     arris_camera camera;
     const arris_camera *known_camera; /* &camera, or NULL */
-    picture_info info;                /* of the first picture, and so of all */
+    handeye handeye;
+    picture_info info; /* of the first picture, and so of all */
     bytes file;
     size_t next, end; /* entries of the list */
     int32_t round;
@@ -158,7 +161,7 @@ static int prepare(struct imagesrc *i, fault *f) {
         r = find_camera(i, f);
     if (r == 0)
         measure_lap(i);
-    return r;
+    return r == 0 && i->handeye_path ? handeye_load(i->handeye_path, &i->handeye, f) : r;
 }
 
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
@@ -200,6 +203,12 @@ static bool begin_round(struct imagesrc *i) {
     return true;
 }
 
+static void give_pose(const struct imagesrc *i, const frame_entry *e, arris_pose *pose) {
+    frames_pose(e, pose);
+    if (i->handeye_path && pose->valid)
+        rigid_move(pose, i->handeye.t, i->handeye.q);
+}
+
 static int process(arris_stage *s, void *self, arris_frame *frame) {
     struct imagesrc *i = self;
     char path[FRAMES_PATH];
@@ -216,7 +225,7 @@ static int process(arris_stage *s, void *self, arris_frame *frame) {
     if (r < 0)
         return arris_fail(s, r, f.hint ? f.hint : picture_hint, "%s", f.text);
     if (i->frames.posed)
-        frames_pose(e, arris_layer_give(s, frame, ARRIS_POSE));
+        give_pose(i, e, arris_layer_give(s, frame, ARRIS_POSE));
     if (i->fps > 0)
         wait_until_due(s, i);
     arris_frame_set(frame, e->index, (int64_t)((uint64_t)e->utime + i->shift));
@@ -236,6 +245,8 @@ static const arris_prop props[] = {
     ARRIS_P_INFILE(
         T, camera_path, "camera", NULL,
         "a camera.json; without it, the one beside the pictures' list when there is one"),
+    ARRIS_P_INFILE(T, handeye_path, "handeye", NULL,
+                   "a handeye.json: the poses are the flange's, and the camera sits on it"),
     ARRIS_P_INT(T, loop, "loop", "1", 0, INT32_MAX, NULL, "how often it plays; 0: for ever"),
     ARRIS_P_INT(T, start, "start", "0", 0, FRAMES_MAX, NULL, "the first frame of the list, from 0"),
     ARRIS_P_INT_OR(T, stop, "stop", "end", "end", 0, FRAMES_MAX, NULL,
