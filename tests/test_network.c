@@ -425,6 +425,23 @@ static void python_decodes_every_type(void **state) {
     process_free(&robot);
 }
 
+/* ---- all together ---------------------------------------------------------------------------- */
+
+/* The sample, short and slow: how fast it is is not asked here. */
+static void a_cell_measures_live_as_offline(void **state) {
+    (void)state;
+    if (!there)
+        skip();
+    setenv("CELL_FPS", "10", 1);
+    process p = process_start(NULL, -1, (char *[]){"samples/cell/run.sh", "5", NULL});
+    process_wait(&p);
+    print_message("%s", p.out);
+    if (!strstr(p.out, "0 dropped") || !strstr(p.out, " 0 without pose") ||
+        !strstr(p.out, "the same lines, to the last digit"))
+        fail_msg("the cell went wrong:\n%s\n%s", p.out, p.err);
+    process_free(&p);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(silent_states_are_named),
@@ -437,6 +454,7 @@ int main(void) {
         cmocka_unit_test(it_ends_well_and_has_said_all),
         cmocka_unit_test(no_line_is_lost_with_the_network),
         cmocka_unit_test(python_decodes_every_type),
+        cmocka_unit_test(a_cell_measures_live_as_offline),
     };
     there = netns_enter();
     setenv("LCM_DEFAULT_URL", LINK_URL, 1);

@@ -36,7 +36,7 @@ lcm-logger --quiet --channel='ARRIS_IMAGE|ROBOT_STATE' "$out/run.lcmlog" & logge
     ! pose ! "${chain[@]}" ! tee name=t \
     t. ! lcmsink preview=5 segments=10 t. ! filesink location="$out/lines.json" > "$out/stats.txt" & pipeline=$!
 sleep 0.5
-"$B/arris" launch --stats scenesrc location=samples/cell/box.obj camera=$camera robot=default \
+"$B/arris" launch --stats scenesrc location=samples/cell/box.obj camera=$camera robot=default fps="${CELL_FPS:-30}" \
     ! queue leaky=oldest max-frames=8 ! lcmsink images=every status=0 > "$out/camera.txt" & eye=$!
 
 end=$((SECONDS + seconds))
