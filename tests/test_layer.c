@@ -193,12 +193,16 @@ AT(arris_message, frame, 72);
 AT(arris_message, text, 80);
 AT(arris_message, hint, 480);
 
-SIZE(arris_progress, 40, 8);
+SIZE(arris_progress, 72, 8);
 AT(arris_progress, frames, 0);
 AT(arris_progress, done, 8);
 AT(arris_progress, dropped, 16);
 AT(arris_progress, lines, 24);
 AT(arris_progress, seconds, 32);
+AT(arris_progress, p50, 40);
+AT(arris_progress, p99, 48);
+AT(arris_progress, troubled, 56);
+AT(arris_progress, trouble, 64);
 
 _Static_assert(sizeof(enum arris_format) == 4 && sizeof(enum arris_type) == 4, "enums are int");
 #endif
