@@ -240,7 +240,7 @@ static void shoot_with_bad_poses(int i, arris_pose *pose, arris_segments *out) {
     if (poses == NEVER || (poses == LATE && i < 30) || (poses == EVERY_THIRD_NONE && i % 3 == 2))
         *pose = (arris_pose){.C = {9e9, 9e9, 9e9}};
     if (poses == EVERY_TENTH_NAN && i % 10 == 9)
-        pose->C[i / 10 % 3] = pose->R[i / 10] = (double)NAN;
+        pose->C[i / 10 % 3] = pose->R[i / 10 % 9] = (double)NAN;
     if (poses == LAGGING)
         *pose = along_x(i - 1);
 }
