@@ -480,6 +480,20 @@ static void ten_thousand_lines(void **state) {
     assert_int_equal(tracks_total, 10000);
 }
 
+/* ---- wrong use ------------------------------------------------------------------------------- */
+
+static void depths_from_far_to_near(void **state) {
+    (void)state;
+    arris_error err;
+    begin(1);
+    now.shoot = shoot_straight;
+    arris_pipeline *p = arris_parse("sequence ! track near=900 far=300 ! reconstruct ! seen", &err);
+    assert_non_null(p);
+    assert_int_equal(arris_check(p, &err), ARRIS_E_USAGE);
+    assert_non_null(strstr(err.text, "near is 900 mm and far is 300 mm"));
+    arris_free(p);
+}
+
 int main(int argc, char **argv) {
     if (!find_stages())
         return 1;
@@ -503,6 +517,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(lines_come_back_from_behind),
         cmocka_unit_test(lines_enter_and_leave),
         cmocka_unit_test(ten_thousand_lines),
+        cmocka_unit_test(depths_from_far_to_near),
     };
     if (argc > 1)
         cmocka_set_test_filter(argv[1]);

@@ -13,7 +13,8 @@
 
 #include <cmocka.h>
 
-#include "../plugins/track/foresight.h"
+#include "../plugins/track/index.h"
+#include "../plugins/track/sweep.h"
 #include "../plugins/track/tracker.h"
 
 enum { MOST = 20000 };
@@ -524,6 +525,118 @@ static void what_is_in_front_is_foreseen(void **state) {
     assert_true(hypot(dx, dy) > 500); /* from below the picture to the horizon */
 }
 
+/* ---- the index ----------------------------------------------------------------------------------
+ */
+
+static double distance(const arris_segment *s, double x, double y) {
+    double dx = s->x2 - s->x1, dy = s->y2 - s->y1;
+    double t = ((x - s->x1) * dx + (y - s->y1) * dy) / (dx * dx + dy * dy);
+    t = fmin(fmax(t, 0), 1);
+    return hypot(s->x1 + t * dx - x, s->y1 + t * dy - y);
+}
+
+static bool nearer(const arris_segment *a, const arris_segment *b, double reach) {
+    for (int i = 0; i <= 200; i++)
+        if (distance(b, a->x1 + (a->x2 - a->x1) * i / 200, a->y1 + (a->y2 - a->y1) * i / 200) <
+            reach)
+            return true;
+    return false;
+}
+
+static arris_segment anywhere(double length) {
+    double x = 2500 * uniform() - 250, y = 2500 * uniform() - 250, a = 2 * M_PI * uniform();
+    double l = length * uniform();
+    return (arris_segment){.x1 = x, .y1 = y, .x2 = x + l * cos(a), .y2 = y + l * sin(a)};
+}
+
+/* All that is near is found, once; also when the room for long segments runs out. */
+static void what_is_near_is_found(void **state) {
+    (void)state;
+    enum { N = 600 };
+    seed = 11;
+    segment_index *x = index_new(N);
+    assert_non_null(x);
+    for (int turn = 0; turn < 40; turn++) {
+        double length = turn % 2 ? 60 : 3000, reach = 60 * uniform();
+        for (int i = 0; i < N; i++)
+            item[i] = anywhere(length);
+        item[3].x1 = (double)NAN;
+        item[4].x2 = 1e300;
+        index_fill(x, item, N);
+        arris_segment where = anywhere(turn % 3 ? 100 : 1000);
+        uint32_t n;
+        const uint32_t *near = index_near(x, &where, reach, &n);
+        static int found_times[N];
+        memset(found_times, 0, sizeof found_times);
+        for (uint32_t i = 0; i < n; i++)
+            found_times[near[i]]++;
+        for (int i = 0; i < N; i++) {
+            assert_in_range(found_times[i], 0, 1);
+            if (i != 3 && i != 4 && nearer(&where, &item[i], reach))
+                assert_int_equal(found_times[i], 1);
+        }
+    }
+    index_free(x);
+}
+
+/* ---- sweeps -------------------------------------------------------------------------------------
+ */
+
+static const depths any_depth = {.mean = 0.00125, .sigma = 0.0006, .least = 1e-4, .most = 1e-2};
+
+/* The picture of a line in space, off by 0.1 px across at its ends. */
+static arris_segment picture_of(const double p[3], const double q[3], const arris_pose *pose) {
+    arris_segment s = {.cov = {0.005, 0, 2e-6}};
+    assert_true(arris_project(&camera, pose, p, &s.x1, &s.y1) > 0);
+    assert_true(arris_project(&camera, pose, q, &s.x2, &s.y2) > 0);
+    double u[2], a = 0.1 * normal(), b = 0.1 * normal();
+    segment_direction(&s, u);
+    s.x1 -= a * u[1], s.y1 += a * u[0], s.x2 -= b * u[1], s.y2 += b * u[0];
+    return s;
+}
+
+/* Along a path of 4 mm steps in the direction d, turning a little, every sighting is within the
+ * forecast, which narrows. Returns whether the depth is known in the end, and then is it. */
+static bool sweep_along(const double p[3], const double q[3], const double d[3]) {
+    sweep s = {.length = 0};
+    double w, truth = 0;
+    viewpoint v = {.camera = &camera, .position = 0, .rotation = 0};
+    arris_pose pose = {.valid = true};
+    for (int i = 0; i < 40; i++) {
+        forecast f;
+        for (int k = 0; k < 3; k++)
+            pose.C[k] = 4 * d[k] * i;
+        arris_rotation(1e-3 * i, -5e-4 * i, 2e-3 * i, pose.R);
+        v.pose = &pose;
+        arris_segment seen = picture_of(p, q, &pose);
+        if (i == 0)
+            sweep_begin(&s, &seen, &v, &any_depth);
+        assert_true(sweep_forecast(&s, &v, &f));
+        assert_true(forecast_misfit(&f, &seen) < 1);
+        sweep_sight(&s, &seen, &v, &any_depth);
+        truth = (arris_dot(pose.R + 6, p) + arris_dot(pose.R + 6, q)) / 2 -
+                arris_dot(pose.R + 6, pose.C);
+    }
+    bool known = sweep_depth(&s, &v, &w);
+    if (known)
+        assert_true(fabs(1 / w - truth) < 0.1 * truth);
+    return known;
+}
+
+static void a_sweep_narrows(void **state) {
+    (void)state;
+    static const double aside[3] = {1, 0, 0}, ahead[3] = {0.1, -0.05, 0.99};
+    for (seed = 1; seed < 30; seed++) {
+        double x = 200 * uniform() - 100, z = 500 + 900 * uniform();
+        double p[3] = {x, -90, z}, q[3] = {x + 20, 80, z + 100};
+        assert_true(sweep_along(p, q, aside));
+        double r[3] = {60, -80, z}, t[3] = {70, 90, z};
+        assert_true(sweep_along(r, t, ahead));
+        double a[3] = {-60, 50, z}, b[3] = {60, 50, z}; /* along the motion */
+        assert_false(sweep_along(a, b, aside));
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pairs_do_not_swap),
@@ -548,6 +661,8 @@ int main(void) {
         cmocka_unit_test(a_known_line_may_flip),
         cmocka_unit_test(a_line_is_foreseen_where_it_projects),
         cmocka_unit_test(what_is_in_front_is_foreseen),
+        cmocka_unit_test(what_is_near_is_found),
+        cmocka_unit_test(a_sweep_narrows),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

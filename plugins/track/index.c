@@ -116,9 +116,9 @@ const uint32_t *index_near(segment_index *x, const arris_segment *where, double 
     *n = collect(x, x->crowd, 0);
     if (!usable(where))
         return x->found;
-    /* points are entered every half cell and looked for every cell, so that they are within 3/4 of
-     * a cell of each other along the line */
-    int m = steps(where, CELL), r = (int)ceil(fmin(hypot(reach, 0.75 * CELL) / CELL, FARTHEST));
+    /* points are entered every half cell and looked for every cell: the nearest two of them are
+     * within 3/4 of a cell of the nearest two places */
+    int m = steps(where, CELL), r = (int)ceil(fmin((reach + 0.75 * CELL) / CELL, FARTHEST));
     double dx = (where->x2 - where->x1) / m, dy = (where->y2 - where->y1) / m;
     for (int k = 0; k <= m; k++) {
         int column = (int)floor((where->x1 + k * dx) / CELL);
