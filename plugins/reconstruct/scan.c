@@ -43,6 +43,7 @@ struct scan {
     uint32_t n, frames, lost; /* lost: in the last frame */
     uint32_t linked, refused; /* tracks of this frame; those that found no room */
     int32_t newest;           /* the highest track that ever was */
+    bool all_linked;          /* `before` has the lines without a track, too */
     link *now, *before;       /* hashed by track: of this frame and of the one before */
     uint32_t mask;
     int32_t splits;  /* lines that began by a split */
@@ -65,7 +66,7 @@ scan *scan_new(const scan_params *p) {
     if (!s)
         return NULL;
     size_t n = (size_t)p->max_lines, places = 4;
-    while (places < 2 * n)
+    while (places < 3 * n) /* at most half of them by tracks, and each line once more */
         places *= 2;
     s->p = *p;
     s->mask = (uint32_t)places - 1;
@@ -127,12 +128,18 @@ static entry *begin(scan *s, int32_t track) {
     return e;
 }
 
-/* The line of a track that is taken up again, or NULL. */
-static entry *earlier(const scan *s, int32_t track) {
-    for (uint32_t i = 0; track <= s->newest && i < s->n; i++)
-        if (s->alive[i]->out.id == track && !s->alive[i]->leaving)
-            return s->alive[i];
-    return NULL;
+/* The line of a track that is taken up again, or NULL. All lines are linked once a frame for that,
+ * if there is such a track. */
+static entry *earlier(scan *s, int32_t track) {
+    if (track > s->newest)
+        return NULL;
+    for (uint32_t i = 0; !s->all_linked && i < s->n; i++) {
+        link *l = find(s, s->before, s->alive[i]->out.id);
+        if (!l->e && !s->alive[i]->leaving)
+            *l = (link){s->alive[i]->out.id, s->alive[i]};
+    }
+    s->all_linked = true;
+    return find(s, s->before, track)->e;
 }
 
 void scan_add(scan *s, int32_t track, view *v) {
@@ -384,6 +391,7 @@ static void next_frame(scan *s) {
     s->now = t;
     s->lost = s->refused;
     s->linked = s->refused = 0;
+    s->all_linked = false;
     memset(s->now, 0, (s->mask + 1) * sizeof *s->now);
     for (uint32_t i = 0; i < s->n; i++) {
         entry *e = s->alive[i];
