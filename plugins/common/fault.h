@@ -8,6 +8,10 @@
 
 #include "arris_types.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct fault {
     char text[400];
     const char *hint; /* what to do: a string literal, or NULL */
@@ -17,4 +21,7 @@ typedef struct fault {
 int fault_set(fault *f, int code, const char *hint, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 
+#ifdef __cplusplus
+}
+#endif
 #endif

@@ -1,0 +1,4 @@
+calibrate_CFLAGS := -isystem /usr/include/opencv4 -isystem /usr/include/eigen3
+calibrate_PKGS := jansson
+calibrate_LIBS := -lopencv_core -lopencv_imgproc -lopencv_calib3d
+calibrate_uses := image files
