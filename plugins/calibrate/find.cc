@@ -27,7 +27,9 @@ using Points = std::vector<cv::Point2f>;
 static const int FIND_SIDE = 1600;    /* px; bigger pictures are searched at this size */
 static const int ENLARGE_BELOW = 900; /* px */
 static const double WINDOW = 0.35;    /* of a square's height: beyond lie other edges */
-static const int MIN_WINDOW = 2, MAX_WINDOW = 20; /* px to each side */
+/* px to each side. A greater one is worse: the edges bend, and the further ends pull. Bouguet's
+ * toolbox takes a 128th of the width. */
+static const int MIN_WINDOW = 2, MAX_WINDOW = 7, MAX_SHARE = 90;
 static const double ENOUGH = 0.8;     /* of the corners must be sound */
 
 static cv::Mat as_mat(const arris_image *im) {
@@ -200,9 +202,9 @@ static double height_at(const cal_board *b, const Points &c, int i) {
 
 static void refine(const cv::Mat &picture, const cal_board *b, Points *c) {
     const Points from = *c;
+    const int most = std::max(MAX_WINDOW, std::max(picture.cols, picture.rows) / MAX_SHARE);
     for (int i = 0; i < (int)c->size(); i++) {
-        const int w = std::min(std::max(cvRound(WINDOW * height_at(b, from, i)), MIN_WINDOW),
-                               MAX_WINDOW);
+        const int w = std::min(std::max(cvRound(WINDOW * height_at(b, from, i)), MIN_WINDOW), most);
         const cv::Point2f p = from[i];
         if (!cv::Rect(1, 1, picture.cols - 2, picture.rows - 2).contains(p))
             continue;

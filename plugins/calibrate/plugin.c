@@ -1,3 +1,11 @@
-/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * plugin.c: the plugin "calibrate": the subcommand of that name.
+ */
 #include "arris_plugin.h"
-ARRIS_PLUGIN("calibrate", "LGPL-2.1-or-later", NULL);
+
+extern const arris_command_desc command_calibrate;
+
+static const arris_command_desc *const commands[] = {&command_calibrate, NULL};
+
+ARRIS_PLUGIN_COMMANDS("calibrate", "LGPL-2.1-or-later", commands, NULL);
