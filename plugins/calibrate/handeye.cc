@@ -34,6 +34,8 @@ typedef Eigen::Matrix<double, 12, 1> Vector12;
 static const double ONE_AXIS = 0.02;  /* of the diversity: below, a direction is unobservable */
 static const double OUTLIER = 4;      /* times the middle view's misfit */
 static const int FOLDS = 5;
+static const size_t PIVOT_VIEWS = 10; /* fewer do not tell it */
+static const double FAR = 5000;       /* mm; such a pivot is none */
 
 static const char hint_turn[] =
     "turn the flange by 30 degrees and more about at least two axes between the views, with the "
@@ -54,6 +56,7 @@ struct Station {
 struct HandEye {
     Motion X, Y;
     double sigma_t, sigma_r;
+    Vector3d pivot; /* on the flange, mm: see spread() */
     Matrix12 information;
 };
 
@@ -196,43 +199,82 @@ static Vector6 misfit(const HandEye &h, const Station &v, Matrix6x12 *J, Matrix6
     return d;
 }
 
-static Matrix6 covariance_of(const HandEye &h, const Matrix6 &G, const Station &v) {
-    Matrix6 S = G * v.cov * G.transpose();
-    S.topLeftCorner<3, 3>().diagonal().array() += h.sigma_r * h.sigma_r;
-    S.bottomRightCorner<3, 3>().diagonal().array() += h.sigma_t * h.sigma_t;
-    return S;
+/* An arm's errors in rotation and position are not independent at the flange: one joint that is off
+ * moves it along a circle. They are taken to be so at another point that is fixed to the flange, the
+ * pivot, which is estimated too. This turns a misfit at the flange into one at the pivot. */
+static Matrix6 to_pivot(const HandEye &h, const Station &v) {
+    Matrix6 T = Matrix6::Identity();
+    T.bottomLeftCorner<3, 3>() = -cross(v.F.R * h.pivot);
+    return T;
 }
 
-/* One Gauss-Newton step, and the robot's sigmas by the residuals that are left (of 6 n values 12
- * are spent on X and Y), less what the camera's own noise makes of them. */
-static double improve(HandEye *h, const std::vector<Station> &s) {
-    Matrix12 A = Matrix12::Zero();
-    Vector12 b = Vector12::Zero();
+/* Of a misfit at the flange: the robot's share and the camera's. */
+static Matrix6 covariance_of(const HandEye &h, const Matrix6 &G, const Station &v) {
+    Vector6 robot;
+    robot << Vector3d::Constant(h.sigma_r * h.sigma_r), Vector3d::Constant(h.sigma_t * h.sigma_t);
+    Matrix6 back = to_pivot(h, v);
+    back.bottomLeftCorner<3, 3>() *= -1;
+    return back * robot.asDiagonal() * back.transpose() + G * v.cov * G.transpose();
+}
+
+/* The pivot at which the positions err least. */
+static void find_pivot(HandEye *h, const std::vector<Station> &s) {
+    Matrix3d A = Matrix3d::Zero();
+    Vector3d b = Vector3d::Zero();
+    for (const Station &v : s) {
+        const Vector6 d = misfit(*h, v, nullptr, nullptr);
+        const Matrix3d M = cross(d.head<3>()) * v.F.R;
+        A += M.transpose() * M;
+        b -= M.transpose() * d.tail<3>();
+    }
+    const Vector3d pivot = A.ldlt().solve(b);
+    if (s.size() >= PIVOT_VIEWS && pivot.norm() < FAR)
+        h->pivot = pivot;
+}
+
+/* The robot's sigmas by the misfits, less what the camera's own noise makes of them. Of the 6 n
+ * values 12 are spent on X and Y. */
+static void find_sigmas(HandEye *h, const std::vector<Station> &s) {
     double sum[2] = {0, 0}, camera[2] = {0, 0};
     for (const Station &v : s) {
-        Matrix6x12 J;
         Matrix6 G;
-        const Vector6 d = misfit(*h, v, &J, &G);
-        const Matrix6 W = covariance_of(*h, G, v).inverse(), own = G * v.cov * G.transpose();
-        A += J.transpose() * W * J;
-        b -= J.transpose() * W * d;
+        const Matrix6 T = to_pivot(*h, v);
+        const Vector6 d = T * misfit(*h, v, nullptr, &G);
+        const Matrix6 own = T * G * v.cov * G.transpose() * T.transpose();
         for (int k = 0; k < 2; k++) {
             sum[k] += d.segment<3>(3 * k).squaredNorm();
             camera[k] += own.diagonal().segment<3>(3 * k).sum();
         }
     }
+    const double n = 3 * (double)s.size(), left = (n - 6) / n;
+    h->sigma_r = std::sqrt(std::max(sum[0] / left - camera[0], 1e-4 * sum[0] + 1e-18) / n);
+    h->sigma_t = std::sqrt(std::max(sum[1] / left - camera[1], 1e-4 * sum[1] + 1e-12) / n);
+}
+
+/* One Gauss-Newton step; returns its length. */
+static double improve(HandEye *h, const std::vector<Station> &s) {
+    Matrix12 A = Matrix12::Zero();
+    Vector12 b = Vector12::Zero();
+    for (const Station &v : s) {
+        Matrix6x12 J;
+        Matrix6 G;
+        const Vector6 d = misfit(*h, v, &J, &G);
+        const Matrix6 W = covariance_of(*h, G, v).inverse();
+        A += J.transpose() * W * J;
+        b -= J.transpose() * W * d;
+    }
     const Vector12 x = A.ldlt().solve(b);
     h->information = A;
     h->X = moved(h->X, x.head<6>());
     h->Y = moved(h->Y, x.tail<6>());
-    const double n = 3 * (double)s.size(), left = (n - 6) / n;
-    h->sigma_r = std::sqrt(std::max(sum[0] / left - camera[0], 1e-4 * sum[0] + 1e-18) / n);
-    h->sigma_t = std::sqrt(std::max(sum[1] / left - camera[1], 1e-4 * sum[1] + 1e-12) / n);
+    find_pivot(h, s);
+    find_sigmas(h, s);
     return x.norm();
 }
 
 static HandEye solve(const std::vector<Station> &s) {
     HandEye h = start(s);
+    h.pivot = Vector3d::Zero();
     h.sigma_t = 1;
     h.sigma_r = 1e-3;
     for (int round = 0; round < 100 && improve(&h, s) > 1e-9; round++)
@@ -361,7 +403,8 @@ static bool leave_out_outliers(const HandEye &h, std::vector<Station> *s) {
     std::vector<double> off;
     for (const Station &v : *s) {
         const Vector6 d = misfit(h, v, nullptr, nullptr);
-        off.push_back(std::hypot(d.head<3>().norm() / h.sigma_r, d.tail<3>().norm() / h.sigma_t));
+        const Vector6 e = to_pivot(h, v) * d;
+        off.push_back(std::hypot(e.head<3>().norm() / h.sigma_r, e.tail<3>().norm() / h.sigma_t));
     }
     std::vector<double> sorted = off;
     std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
