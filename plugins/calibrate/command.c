@@ -30,7 +30,7 @@ static const char help[] =
     "                  the camera is calibrated from the same pictures\n"
     "  --print-board   a board to print, .svg or .pdf, true to scale\n";
 
-int command_fail(int code, const fault *f) {
+static int fail(int code, const fault *f) {
     fprintf(stderr, "arris calibrate: %s\n", f->text);
     if (f->hint)
         fprintf(stderr, "  %s\n", f->hint);
@@ -200,20 +200,13 @@ static int write_files(const command *m, json_t *old, fault *f) {
     return r;
 }
 
-static void name_left_out(const view_list *l) {
-    for (int i = 0; i < l->n; i++)
-        if (*l->item[i].left_out)
-            fprintf(stderr, "arris calibrate: left out %s: %s\n", l->item[i].name,
-                    l->item[i].left_out);
-}
-
 static int calibrate_camera(command *m, fault *f) {
     json_t *old = m->output ? result_read_old(m->output, f) : NULL;
     if (m->output && !old)
         return ARRIS_E_INPUT;
     int r = m->from ? live_collect(m, f) : views_load(&m->views, m->paths, m->n_paths, f);
-    if (r == 0 && (r = command_fit(m, f)) < 0)
-        name_left_out(&m->views);
+    if (r == 0)
+        r = command_fit(m, f);
     if (r == 0)
         r = cal_assess(&m->views.board, m->views.item, m->views.n, &m->options, &m->result,
                        m->distance, &m->quality, f);
@@ -226,6 +219,13 @@ static int calibrate_camera(command *m, fault *f) {
 }
 
 /* ---- the command ---------------------------------------------------------------------------- */
+
+/* Below the error, as a part of it. */
+static void name_left_out(const view_list *l) {
+    for (int i = 0; i < l->n; i++)
+        if (*l->item[i].left_out)
+            fprintf(stderr, "  left out %s: %s\n", l->item[i].name, l->item[i].left_out);
+}
 
 static int run(int argc, char **argv) {
     command m = {.output = NULL};
@@ -241,8 +241,11 @@ static int run(int argc, char **argv) {
         r = m.print      ? print_board(&m.views.board, m.output, &f)
             : m.hand_eye ? handeye_command(&m, &f)
                          : calibrate_camera(&m, &f);
+    int code = r < 0 ? fail(r, &f) : 0;
+    if (r < 0)
+        name_left_out(&m.views);
     views_free(&m.views);
-    return r < 0 ? command_fail(r, &f) : 0;
+    return code;
 }
 
 const arris_command_desc command_calibrate = {

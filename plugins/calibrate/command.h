@@ -23,9 +23,6 @@ typedef struct command {
     cal_quality quality;
 } command;
 
-/* Prints a fault and returns the exit code of an error. */
-int command_fail(int code, const fault *f);
-
 /* Fits the camera to the views. Returns 0 or an error. */
 int command_fit(command *m, fault *f);
 
