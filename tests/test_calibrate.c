@@ -375,7 +375,7 @@ static void handeye_leaves_out_and_refuses(void **state) {
     r.view[4].flange.t[0] += 40;
     assert_int_equal(he_fit(&b, &lens, r.view, 20, &h, &f), 0);
     assert_int_equal(h.views, 19);
-    assert_non_null(strstr(s.view[4].left_out, "40."));
+    assert_non_null(strstr(s.view[4].left_out, "flange is"));
     for (int i = 0; i < 3; i++)
         assert_true(fabs(h.camera_to_flange.t[i] - r.X.t[i]) < 5 * sqrt(h.cov[7 * i]));
     move_robot(&r, &b, 20, 0.2, 5e-4, true);

@@ -237,7 +237,8 @@ static int fit(const cal_board *b, cal_view *views, int n, const cal_options *o,
         if ((r = too_few(p, n, f)) < 0)
             return r;
     }
-    for (int i = 0; o->flat && i < CAL_SHAPE; i++)
+    p.bent = o->flat;
+    for (int i = 0; p.bent && i < CAL_SHAPE; i++)
         p.free.push_back(CAL_N + i);
     settle(&p);
     Eigen::MatrixXd cov;
@@ -294,6 +295,7 @@ static int find_pose(const cal_board *b, const arris_camera *c, const double *sh
     Problem p{};
     p.board = b;
     cal_from_camera(c, p.k);
+    p.bent = shape != nullptr;
     if (shape)
         std::copy(shape, shape + CAL_SHAPE, p.shape);
     p.views.push_back(make_view(b, &from));

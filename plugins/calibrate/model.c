@@ -110,6 +110,8 @@ void cal_corner(const cal_board *b, const double *shape, int i, double X[3],
     X[0] = col * b->square;
     X[1] = row * b->square;
     X[2] = 0;
+    if (!shape && !basis)
+        return;
     for (int degree = 2, n = 0; degree <= 4; degree++)
         for (int k = 0; k <= degree; k++, n++) {
             term[n] = pow(u, degree - k) * pow(v, k);

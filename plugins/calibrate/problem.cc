@@ -15,7 +15,7 @@ static const double HUBER = 3; /* sigma */
 
 bool Problem::residual(const View &v, const Observation &o, Eigen::Vector2d *r) const {
     double X[3], q[2];
-    cal_corner(board, shape, o.corner, X, nullptr);
+    cal_corner(board, bent ? shape : nullptr, o.corner, X, nullptr);
     if (!cal_project(k, &v.pose, X, q, nullptr, nullptr, nullptr))
         return false;
     *r = o.at - Eigen::Vector2d(q[0], q[1]);
@@ -43,44 +43,43 @@ double Problem::cost() const {
     return sum;
 }
 
-/* The 2 x G Jacobian by the globals and the 2 x 6 one by the pose. */
-static bool jacobians(const Problem &p, const View &v, const Observation &o, Eigen::Vector2d *r,
-                      Eigen::MatrixXd *Jg, Eigen::Matrix<double, 2, 6> *Jp) {
+/* The 2 x (G + 6) Jacobian by the globals and the pose, and the residual. */
+static bool jacobian(const Problem &p, const View &v, const Observation &o, Eigen::Vector2d *r,
+                     Eigen::Ref<Eigen::MatrixXd> J) {
     double X[3], q[2], basis[CAL_SHAPE], by_k[2][CAL_N], by_pose[2][6], by_X[2][3];
-    cal_corner(p.board, p.shape, o.corner, X, basis);
+    cal_corner(p.board, p.bent ? p.shape : nullptr, o.corner, X, p.bent ? basis : nullptr);
     if (!cal_project(p.k, &v.pose, X, q, by_k, by_pose, by_X))
         return false;
     *r = o.at - Eigen::Vector2d(q[0], q[1]);
+    const Eigen::Index G = (Eigen::Index)p.free.size();
     for (int row = 0; row < 2; row++) {
-        for (size_t i = 0; i < p.free.size(); i++) {
-            const int at = p.free[i];
-            (*Jg)(row, (Eigen::Index)i) =
-                at < CAL_N ? by_k[row][at] : by_X[row][2] * basis[at - CAL_N];
+        for (Eigen::Index i = 0; i < G; i++) {
+            const int at = p.free[(size_t)i];
+            J(row, i) = at < CAL_N ? by_k[row][at] : by_X[row][2] * basis[at - CAL_N];
         }
         for (int i = 0; i < 6; i++)
-            (*Jp)(row, i) = by_pose[row][i];
+            J(row, G + i) = by_pose[row][i];
     }
     return true;
 }
 
 Block Problem::block(const View &v) const {
-    const Eigen::Index G = (Eigen::Index)free.size();
-    Block b{Eigen::MatrixXd::Zero(G, G), Eigen::MatrixXd::Zero(G, 6), Matrix6::Zero(),
-            Eigen::VectorXd::Zero(G), Vector6::Zero()};
-    Eigen::MatrixXd Jg(2, G);
-    Eigen::Matrix<double, 2, 6> Jp;
-    Eigen::Vector2d r;
-    for (const Observation &o : v.seen) {
-        if (o.rejected || !jacobians(*this, v, o, &r, &Jg, &Jp))
+    const Eigen::Index G = (Eigen::Index)free.size(), n = 2 * (Eigen::Index)v.seen.size();
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(n, G + 6); /* rows times the root of the weight */
+    Eigen::VectorXd r = Eigen::VectorXd::Zero(n);
+    for (Eigen::Index i = 0; i < n; i += 2) {
+        const Observation &o = v.seen[(size_t)i / 2];
+        Eigen::Vector2d d;
+        if (o.rejected || !jacobian(*this, v, o, &d, J.middleRows(i, 2)))
             continue;
-        const double w = weight(r);
-        b.gg.noalias() += w * Jg.transpose() * Jg;
-        b.gp.noalias() += w * Jg.transpose() * Jp;
-        b.pp.noalias() += w * Jp.transpose() * Jp;
-        b.g.noalias() += w * Jg.transpose() * r;
-        b.p.noalias() += w * Jp.transpose() * r;
+        const double root = std::sqrt(weight(d));
+        J.middleRows(i, 2) *= root;
+        r.segment<2>(i) = root * d;
     }
-    return b;
+    const Eigen::MatrixXd A = J.transpose() * J;
+    const Eigen::VectorXd b = J.transpose() * r;
+    return {A.topLeftCorner(G, G), A.topRightCorner(G, 6), A.bottomRightCorner<6, 6>(), b.head(G),
+            b.tail<6>()};
 }
 
 int Problem::observations() const {

@@ -42,6 +42,7 @@ struct Problem {
     const cal_board *board;
     double k[CAL_N];
     double shape[CAL_SHAPE];
+    bool bent; /* the shape is not 0 */
     std::vector<int> free; /* the globals: parameters below CAL_N, then CAL_N + terms of the shape */
     std::vector<View> views;
     double noise; /* px, the scale of Huber's weights */

@@ -12,6 +12,8 @@
 
 #include "problem.h"
 
+static const double GOOD = 0.5; /* px: no other candidate can be right */
+
 /* Board (mm) to the pixels or bearings that `seen` maps to. False when there is none. */
 static bool homography(const Problem &p, const View &v, const std::vector<cv::Point2d> &to,
                        Eigen::Matrix3d *H) {
@@ -105,6 +107,8 @@ bool start_problem(Problem *p, const cal_options *o) {
         if (!found || q.noise < best.noise)
             best = q;
         found = true;
+        if (best.noise < GOOD)
+            break;
     }
     *p = best;
     return found;
