@@ -104,6 +104,15 @@ static inline double board_light(const cal_board *b, double x, double y) {
     return ((int)floor(u) + (int)floor(v)) % 2 ? 0.9 : 0.1;
 }
 
+/* The light along the ray (x, y, 1) of a camera whose board is at p. */
+static inline double light_along(const cal_board *b, const cal_pose *p, double x, double y) {
+    const cal_pose camera = cal_inverse(p); /* its centre is camera.t, its axes are the columns */
+    const double *R = camera.R, *C = camera.t, ray[3] = {x, y, 1};
+    const double s = -C[2] / arris_dot(R + 6, ray);
+    return s > 0 ? board_light(b, C[0] + s * arris_dot(R, ray), C[1] + s * arris_dot(R + 3, ray))
+                 : 0.4;
+}
+
 /* Renders the view, each pixel from 6x6 rays, as a PGM file. */
 static inline void render(const char *path, const cal_board *b, const arris_camera *c,
                           const cal_pose *p, double noise) {
@@ -113,21 +122,16 @@ static inline void render(const char *path, const cal_board *b, const arris_came
         abort();
     fprintf(f, "P5\n%d %d\n255\n", c->width, c->height);
     for (int i = 0; i < c->width * c->height; i++) {
-        double light = 0;
+        double x[3], y[3], light = 0; /* of the pixel, and one to the right and one below */
+        for (int k = 0; k < 3; k++) {
+            arris_undistort(c, i % c->width + (k == 1), i / c->width + (k == 2), &x[k], &y[k]);
+            y[k] = (y[k] - c->cy) / c->fy;
+            x[k] = (x[k] - c->cx - c->skew * y[k]) / c->fx;
+        }
         for (int k = 0; k < RAYS * RAYS; k++) {
-            double x, y, d[3], X[2];
-            arris_undistort(c, i % c->width + (k % RAYS + 0.5) / RAYS - 0.5,
-                            i / c->width + (k / RAYS + 0.5) / RAYS - 0.5, &x, &y);
-            y = (y - c->cy) / c->fy;
-            x = (x - c->cx - c->skew * y) / c->fx;
-            const double ray[3] = {x, y, 1};
-            for (int j = 0; j < 3; j++)
-                d[j] = p->R[j] * ray[0] + p->R[3 + j] * ray[1] + p->R[6 + j] * ray[2];
-            const cal_pose camera = cal_inverse(p); /* its centre is camera.t */
-            const double s = -camera.t[2] / d[2];
-            for (int j = 0; j < 2; j++)
-                X[j] = camera.t[j] + s * d[j];
-            light += s > 0 ? board_light(b, X[0], X[1]) : 0.4;
+            const double u = (k % RAYS + 0.5) / RAYS - 0.5, v = (k / RAYS + 0.5) / RAYS - 0.5;
+            light += light_along(b, p, x[0] + u * (x[1] - x[0]) + v * (x[2] - x[0]),
+                                 y[0] + u * (y[1] - y[0]) + v * (y[2] - y[0]));
         }
         const double level = 230 * light / (RAYS * RAYS) + 10 + noise * normal();
         fputc((int)fmin(255, fmax(0, round(level))), f);

@@ -30,3 +30,4 @@ bench_scene_uses := edges scene
 bench_edges_CFLAGS := -isystem /usr/include/opencv4 -Wno-missing-field-initializers -Wno-conversion
 bench_edges_LIBS := -lopencv_core -lopencv_imgproc -lopencv_ximgproc
 bench_edges_PKGS := libpng
+test_calibrate_run_uses := calibrate image files

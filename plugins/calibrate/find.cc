@@ -26,6 +26,7 @@ using Points = std::vector<cv::Point2f>;
 
 static const int FIND_SIDE = 1600;    /* px; bigger pictures are searched at this size */
 static const int ENLARGE_BELOW = 900; /* px */
+static const int LEAST_SQUARE = 4;    /* px */
 static const double WINDOW = 0.35;    /* of a square's height: beyond lie other edges */
 /* px to each side. A greater one is worse: the edges bend, and the further ends pull. Bouguet's
  * toolbox takes a 128th of the width. */
@@ -274,7 +275,7 @@ static enum find_result find(const arris_image *image, const cal_board *b, bool 
 
 enum find_result find_board(const arris_image *image, const cal_board *b, bool quick,
                             double *corner) {
-    if (image->width < 8 || image->height < 8)
+    if (std::min(image->width, image->height) < LEAST_SQUARE * std::min(b->cols, b->rows))
         return FIND_NONE;
     try {
         return find(image, b, quick, corner);
