@@ -125,8 +125,9 @@ $(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
 
 # ---- set-up: installs the Debian packages that are missing, and says which --------------------
 
-packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev libmd-dev libassimp-dev \
-                  liblcm-dev liblcm-bin libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
+packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev libmd-dev \
+                  libassimp-dev liblcm-dev liblcm-bin libeigen3-dev libopencv-core-dev \
+                  libopencv-imgproc-dev libopencv-calib3d-dev libopencv-video-dev
 packages_test  := $(packages_build) libcmocka-dev iproute2 python3-venv
 packages_cell  := $(packages_build) iproute2 util-linux
 packages_check := $(packages_test) clang libclang-rt-14-dev valgrind

@@ -25,14 +25,14 @@ static inline double normal(void) {
     return r * cos(2 * M_PI * uniform());
 }
 
-static const arris_camera lens = {640,    480,    660,   658,     0.3,  310,
+static const arris_camera lens = {640,   480,   660,  658,    0.3,   310,
                                   236.5, -0.25, 0.12, 0.0006, -4e-4, 0.02};
 
 /* The board's middle at (x, y, z) mm before the camera, turned by the rotation vector. */
 static inline cal_pose board_at(const cal_board *b, double x, double y, double z, double wx,
                                 double wy, double wz) {
-    const double w[3] = {wx, wy, wz}, middle[3] = {(b->cols - 1) * b->square / 2,
-                                                   (b->rows - 1) * b->square / 2, 0};
+    const double w[3] = {wx, wy, wz},
+                 middle[3] = {(b->cols - 1) * b->square / 2, (b->rows - 1) * b->square / 2, 0};
     cal_pose p = {.t = {x, y, z}};
     cal_rotation(w, p.R);
     for (int i = 0; i < 3; i++)
@@ -92,9 +92,9 @@ static inline void shoot(shots *s, int n, double noise) {
 
 /* ---- pictures ------------------------------------------------------------------------------- */
 
-/* The share of light that comes from the board's plane at (x, y) mm: squares, a margin of one square
- * around, and a grey room. The square in the corner is dark, so that of the inner corners 0, 1, cols
- * and cols + 1 is dark as well. */
+/* The share of light that comes from the board's plane at (x, y) mm: squares, a margin of one
+ * square around, and a grey room. The square in the corner is dark, so that of the inner corners 0,
+ * 1, cols and cols + 1 is dark as well. */
 static inline double board_light(const cal_board *b, double x, double y) {
     const double u = x / b->square + 1, v = y / b->square + 1;
     if (u < -1 || v < -1 || u > b->cols + 2 || v > b->rows + 2)

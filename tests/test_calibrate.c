@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * test_calibrate.c: the mathematics of `arris calibrate` against cameras, boards and robots that are
- * known: derivatives, honest uncertainties over many calibrations, outliers, and what must be
+ * test_calibrate.c: the mathematics of `arris calibrate` against cameras, boards and robots that
+ * are known: derivatives, honest uncertainties over many calibrations, outliers, and what must be
  * refused.
  */
 #include <setjmp.h>
@@ -52,7 +52,9 @@ static void derivatives_are_those_of_the_projection(void **state) {
             const cal_pose moved = cal_moved(&pose, d);
             assert_true(cal_project(k2, &moved, X2, q, NULL, NULL, NULL));
             for (int r = 0; r < 2; r++) {
-                const double J = i < CAL_N ? Jk[r][i] : i < CAL_N + 6 ? Jp[r][i - CAL_N] : JX[r][i - CAL_N - 6];
+                const double J = i < CAL_N       ? Jk[r][i]
+                                 : i < CAL_N + 6 ? Jp[r][i - CAL_N]
+                                                 : JX[r][i - CAL_N - 6];
                 assert_true(fabs((q[r] - p[r]) / h - J) < 1e-3 * (1 + fabs(J)));
             }
         }
@@ -124,8 +126,8 @@ static void uncertainty_is_honest(void **state) {
     assert_in_range(inside, (int)(0.92 * RUNS * CAL_N), (int)(0.98 * RUNS * CAL_N));
 }
 
-/* The corners of a view err together, as by a board that is not flat or by bad light: the textbook's
- * covariance would promise several times too much. */
+/* The corners of a view err together, as by a board that is not flat or by bad light: the
+ * textbook's covariance would promise several times too much. */
 static void uncertainty_is_honest_when_views_err(void **state) {
     (void)state;
     enum { RUNS = 60 };
@@ -217,9 +219,9 @@ static void wide_angle_is_found_from_nothing(void **state) {
     s.options.height = wide.height;
     for (int v = 0; v < s.n; v++) {
         const double z = 200 + 150 * uniform();
-        const cal_pose p = board_at(&s.board, 0.5 * z * (2 * uniform() - 1),
-                                    0.35 * z * (2 * uniform() - 1), z, 0.6 * (2 * uniform() - 1),
-                                    0.6 * (2 * uniform() - 1), 0.3);
+        const cal_pose p =
+            board_at(&s.board, 0.5 * z * (2 * uniform() - 1), 0.35 * z * (2 * uniform() - 1), z,
+                     0.6 * (2 * uniform() - 1), 0.6 * (2 * uniform() - 1), 0.3);
         see(&s.board, NULL, &wide, &p, 0.1, s.corner[v]);
     }
     assert_int_equal(calibrate(), 0);
@@ -295,7 +297,8 @@ typedef struct robot {
 
 /* Views of a board by a camera on a flange that is reported with noise, mm and rad. One axis: it
  * only turns about the camera's axis. */
-static void move_robot(robot *r, const cal_board *b, int n, double mm, double angle, bool one_axis) {
+static void move_robot(robot *r, const cal_board *b, int n, double mm, double angle,
+                       bool one_axis) {
     const double wx[3] = {0.1, -0.05, 1.6};
     shoot(&s, n, 0.15);
     s.board = *b;
@@ -338,7 +341,9 @@ static void handeye_is_honest(void **state) {
         angle += h.sigma_angle / RUNS;
     }
     for (int i = 0; i < 6; i++) {
-        print_message("%s: normalised error %.2f\n", (const char *[]){"x", "y", "z", "turn x", "turn y", "turn z"}[i], sqrt(sum[i]));
+        print_message("%s: normalised error %.2f\n",
+                      (const char *[]){"x", "y", "z", "turn x", "turn y", "turn z"}[i],
+                      sqrt(sum[i]));
         assert_in_range((int)(100 * sqrt(sum[i])), 80, 130);
     }
     print_message("the robot's noise: %.3f mm, %.2e rad\n", mm, angle);

@@ -20,8 +20,7 @@
 enum { PICTURES = 14 };
 
 static const cal_board board = {9, 6, 30};
-static const arris_camera eye = {320,   240,  335,    334,   0,   157,
-                                 121.5, -0.2, 0.08, 4e-4, -3e-4, 0};
+static const arris_camera eye = {320, 240, 335, 334, 0, 157, 121.5, -0.2, 0.08, 4e-4, -3e-4, 0};
 static char folder[1024];
 
 /* Valid until the next one is asked for. */
@@ -158,8 +157,8 @@ static void bad_views_are_named(void **state) {
     (void)state;
     const cal_pose p = board_at(&board, -180, 0, 500, 0.2, 0.2, 0);
     render(scratch("half.pgm"), &board, &eye, &p, 1);
-    process r = run("calibrate --board 9x6 --square 30 --fix skew,k3 %s %s", folder,
-                    scratch("half.pgm"));
+    process r =
+        run("calibrate --board 9x6 --square 30 --fix skew,k3 %s %s", folder, scratch("half.pgm"));
     assert_int_equal(r.code, 0);
     assert_non_null(strstr(r.out, "half.pgm: the board was not found"));
     assert_non_null(strstr(r.out, "fixed"));
@@ -217,9 +216,17 @@ static void parallel_views_are_refused(void **state) {
 
 static void pipeline_is_watched(void **state) {
     (void)state;
-    char *words[] = {(char *)arris_path(), (char *)"calibrate", (char *)"--board", (char *)"9x6",
-                     (char *)"--square", (char *)"30", (char *)"--from", NULL,
-                     (char *)"--target", (char *)"1e5", NULL};
+    char *words[] = {(char *)arris_path(),
+                     (char *)"calibrate",
+                     (char *)"--board",
+                     (char *)"9x6",
+                     (char *)"--square",
+                     (char *)"30",
+                     (char *)"--from",
+                     NULL,
+                     (char *)"--target",
+                     (char *)"1e5",
+                     NULL};
     char from[8192];
     snprintf(from, sizeof from, "imagesrc location=%s", folder);
     words[7] = from;
@@ -247,8 +254,10 @@ static void board_is_true_to_scale(void **state) {
     char *svg = file_text(scratch("board.svg"));
     double width, height, w, h;
     int dark = 0;
-    assert_int_equal(sscanf(strstr(svg, "width="), "width=\"%lfmm\" height=\"%lfmm\" viewBox=\"0 0 %lf %lf",
-                            &width, &height, &w, &h), 4);
+    assert_int_equal(sscanf(strstr(svg, "width="),
+                            "width=\"%lfmm\" height=\"%lfmm\" viewBox=\"0 0 %lf %lf", &width,
+                            &height, &w, &h),
+                     4);
     assert_true(width == w && height == h && width == 10 * 25 + 2 * 25);
     for (char *at = svg; (at = strstr(at, "width=\"25.0000\" height=\"25.0000\"")); at++)
         dark++;
@@ -289,9 +298,10 @@ static void handeye_is_written(void **state) {
                 F.t[1], F.t[2], cos(n), sin(n) * w[0], sin(n) * w[1], sin(n) * w[2]);
     }
     fclose(csv);
-    scratch_write("pictures/camera.json",
-                  "{\"width\":320,\"height\":240,\"fx\":335,\"fy\":334,\"skew\":0,\"cx\":157,\"cy\":"
-                  "121.5,\"k1\":-0.2,\"k2\":0.08,\"p1\":4e-4,\"p2\":-3e-4,\"k3\":0}");
+    scratch_write(
+        "pictures/camera.json",
+        "{\"width\":320,\"height\":240,\"fx\":335,\"fy\":334,\"skew\":0,\"cx\":157,\"cy\":"
+        "121.5,\"k1\":-0.2,\"k2\":0.08,\"p1\":4e-4,\"p2\":-3e-4,\"k3\":0}");
     process p = run("calibrate --hand-eye %s/flange.csv --board 9x6 --square 30 -o %s", folder,
                     scratch("handeye.json"));
     if (p.code)
@@ -299,13 +309,15 @@ static void handeye_is_written(void **state) {
     assert_non_null(strstr(p.out, "The robot is off by"));
     char *text = file_text(scratch("handeye.json"));
     double x, y, z, qw;
-    assert_int_equal(sscanf(strstr(text, "\"x\""), "\"x\": %lf, \"y\": %lf, \"z\": %lf, \"qw\": %lf",
-                            &x, &y, &z, &qw), 4);
+    assert_int_equal(sscanf(strstr(text, "\"x\""),
+                            "\"x\": %lf, \"y\": %lf, \"z\": %lf, \"qw\": %lf", &x, &y, &z, &qw),
+                     4);
     assert_true(fabs(x - 10) < 0.5 && fabs(y + 60) < 0.5 && fabs(z - 40) < 0.5);
     assert_true(fabs(qw - sqrt(0.5)) < 1e-3 && strstr(text, "\"cov\""));
     free(text);
     process_free(&p);
-    scratch_write("pictures/bad.csv", "index,file,utime,x,y,z,qw,qx,qy,qz\n0,00.pgm,0,1,2,3,1,1,0,0\n");
+    scratch_write("pictures/bad.csv",
+                  "index,file,utime,x,y,z,qw,qx,qy,qz\n0,00.pgm,0,1,2,3,1,1,0,0\n");
     refused(4, "bad.csv:2", "calibrate --hand-eye %s/bad.csv --board 9x6 --square 30", folder);
     refused(4, "cannot open", "calibrate --hand-eye %s/no.csv --board 9x6 --square 30", folder);
 }
@@ -377,7 +389,8 @@ static void rendered_camera_is_within_its_intervals(void **state) {
         for (int i = 0; i < CAL_N; i++) {
             char key[32];
             snprintf(key, sizeof key, "\"%s\": ", cal_names[i]);
-            const double off = value_of(text, cal_names[i]) - atof(strstr(truth, key) + strlen(key));
+            const double off =
+                value_of(text, cal_names[i]) - atof(strstr(truth, key) + strlen(key));
             inside += fabs(off) < 1.96 * sigma_of(text, cal_names[i]);
             assert_true(i != CAL_FX || fabs(off) < 5e-4 * 380.6);
         }
@@ -388,8 +401,9 @@ static void rendered_camera_is_within_its_intervals(void **state) {
     free(truth);
 }
 
-/* The pose of the board from the corners of its one half, and those of the other half by where their
- * rays meet the board's plane: the grid lines through them, in the views' mean, against the grid. */
+/* The pose of the board from the corners of its one half, and those of the other half by where
+ * their rays meet the board's plane: the grid lines through them, in the views' mean, against the
+ * grid. */
 static void half_board(const char *set, const cal_board *b, double limit) {
     char path[256], *paths[] = {path};
     view_list l = {.board = *b};
@@ -406,7 +420,7 @@ static void half_board(const char *set, const cal_board *b, double limit) {
     const int half = b->cols / 2, n = b->cols - half;
     double sum = 0, each = 0;
     int ends = 0, views = 0;
-    double (*mean)[2] = calloc((size_t)cal_corners(b), sizeof *mean);
+    double(*mean)[2] = calloc((size_t)cal_corners(b), sizeof *mean);
     int *seen = calloc((size_t)cal_corners(b), sizeof *seen);
     uint8_t *use = calloc((size_t)cal_corners(b), 1);
     for (int i = 0; i < cal_corners(b); i++)
@@ -422,7 +436,8 @@ static void half_board(const char *set, const cal_board *b, double limit) {
             double x, y, d[3];
             if (use[i] || isnan(l.item[v].corner[2 * i]))
                 continue;
-            arris_undistort(&r.camera, l.item[v].corner[2 * i], l.item[v].corner[2 * i + 1], &x, &y);
+            arris_undistort(&r.camera, l.item[v].corner[2 * i], l.item[v].corner[2 * i + 1], &x,
+                            &y);
             y = (y - r.camera.cy) / r.camera.fy;
             x = (x - r.camera.cx - r.camera.skew * y) / r.camera.fx;
             for (int k = 0; k < 3; k++)

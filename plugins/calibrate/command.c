@@ -11,14 +11,17 @@
 
 static const char help[] =
     "usage: arris calibrate --board COLSxROWS --square MM [options] IMAGES... -o camera.json\n"
-    "       arris calibrate --board COLSxROWS --square MM [options] --from PIPELINE -o camera.json\n"
+    "       arris calibrate --board COLSxROWS --square MM [options] --from PIPELINE -o "
+    "camera.json\n"
     "       arris calibrate --board COLSxROWS --square MM --hand-eye flange.csv -o handeye.json\n"
     "       arris calibrate --print-board COLSxROWS --square MM -o board.svg\n"
     "\n"
-    "COLSxROWS counts the inner corners, where four squares meet. IMAGES are picture files, folders\n"
+    "COLSxROWS counts the inner corners, where four squares meet. IMAGES are picture files, "
+    "folders\n"
     "of them, or a frames.csv.\n"
     "\n"
-    "  --fix LIST      parameters that are not estimated: names of fx fy skew cx cy k1 k2 p1 p2 k3\n"
+    "  --fix LIST      parameters that are not estimated: names of fx fy skew cx cy k1 k2 p1 p2 "
+    "k3\n"
     "                  with commas between, NAME=VALUE; without a value it is 0\n"
     "  --flat          estimate the board's shape too\n"
     "  --report FILE   write an HTML page: residuals, coverage, uncertainty, what to do next\n"
@@ -26,7 +29,8 @@ static const char help[] =
     "  --from PIPELINE collect views from a pipeline's pictures, without a sink at its end\n"
     "  --target UM     with --from: stop when the uncertainty on the part is below that\n"
     "  --hand-eye CSV  the camera on the robot's flange, by views of a board that stands still\n"
-    "  --camera FILE   with --hand-eye: the camera.json; otherwise the one beside the CSV, or else\n"
+    "  --camera FILE   with --hand-eye: the camera.json; otherwise the one beside the CSV, or "
+    "else\n"
     "                  the camera is calibrated from the same pictures\n"
     "  --print-board   a board to print, .svg or .pdf, true to scale\n";
 
@@ -125,21 +129,20 @@ static int read_option(int c, command *m, fault *f) {
 
 /* 0, an error, or 1: the help was asked for. */
 static int read_options(int argc, char **argv, command *m, fault *f) {
-    static const struct option table[] = {
-        {"board", required_argument, NULL, BOARD},
-        {"square", required_argument, NULL, SQUARE},
-        {"fix", required_argument, NULL, FIX},
-        {"flat", no_argument, NULL, FLAT},
-        {"report", required_argument, NULL, REPORT},
-        {"distance", required_argument, NULL, DISTANCE},
-        {"from", required_argument, NULL, FROM},
-        {"target", required_argument, NULL, TARGET},
-        {"hand-eye", required_argument, NULL, HAND_EYE},
-        {"camera", required_argument, NULL, CAMERA},
-        {"print-board", required_argument, NULL, PRINT},
-        {"output", required_argument, NULL, 'o'},
-        {"help", no_argument, NULL, 'h'},
-        {NULL, 0, NULL, 0}};
+    static const struct option table[] = {{"board", required_argument, NULL, BOARD},
+                                          {"square", required_argument, NULL, SQUARE},
+                                          {"fix", required_argument, NULL, FIX},
+                                          {"flat", no_argument, NULL, FLAT},
+                                          {"report", required_argument, NULL, REPORT},
+                                          {"distance", required_argument, NULL, DISTANCE},
+                                          {"from", required_argument, NULL, FROM},
+                                          {"target", required_argument, NULL, TARGET},
+                                          {"hand-eye", required_argument, NULL, HAND_EYE},
+                                          {"camera", required_argument, NULL, CAMERA},
+                                          {"print-board", required_argument, NULL, PRINT},
+                                          {"output", required_argument, NULL, 'o'},
+                                          {"help", no_argument, NULL, 'h'},
+                                          {NULL, 0, NULL, 0}};
     int r = 0;
     optind = 0; /* glibc: from the beginning */
     opterr = 0;

@@ -31,7 +31,7 @@ static const double WINDOW = 0.35;    /* of a square's height: beyond lie other 
 /* px to each side. A greater one is worse: the edges bend, and the further ends pull. Bouguet's
  * toolbox takes a 128th of the width. */
 static const int MIN_WINDOW = 2, MAX_WINDOW = 7, MAX_SHARE = 90;
-static const double ENOUGH = 0.8;     /* of the corners must be sound */
+static const double ENOUGH = 0.8; /* of the corners must be sound */
 
 static cv::Mat as_mat(const arris_image *im) {
     const int type = im->format == ARRIS_GREY8 ? CV_8UC1 : CV_16UC1;
@@ -91,8 +91,7 @@ static double square_level(const cv::Mat &picture, const cal_board *b, const Poi
     int i = std::min(std::max(col, 0), b->cols - 2), j = std::min(std::max(row, 0), b->rows - 2);
     const cv::Point2f o = c[j * b->cols + i], x = c[j * b->cols + i + 1] - o,
                       y = c[(j + 1) * b->cols + i] - o;
-    const cv::Point2f p =
-        o + x * (float)(0.5 + col - i) + y * (float)(0.5 + row - j);
+    const cv::Point2f p = o + x * (float)(0.5 + col - i) + y * (float)(0.5 + row - j);
     const int u = cvRound(p.x), v = cvRound(p.y);
     if (u < 1 || v < 1 || u > picture.cols - 2 || v > picture.rows - 2)
         return NAN;
@@ -169,8 +168,8 @@ static bool goes_on(const cv::Mat &picture, const cal_board *b, const Points &c)
         const int at = side % 2 == 0 ? -2 : upright ? b->cols : b->rows;
         int seen = 0, alternate = 0;
         for (int k = -1; k < n - 1; k++) {
-            double p = upright ? square_level(picture, b, c, at, k)
-                               : square_level(picture, b, c, k, at);
+            double p =
+                upright ? square_level(picture, b, c, at, k) : square_level(picture, b, c, k, at);
             double q = upright ? square_level(picture, b, c, at, k + 1)
                                : square_level(picture, b, c, k + 1, at);
             if (std::isnan(p) || std::isnan(q))
@@ -210,8 +209,9 @@ static void refine(const cv::Mat &picture, const cal_board *b, Points *c) {
         if (!cv::Rect(1, 1, picture.cols - 2, picture.rows - 2).contains(p))
             continue;
         Points one(1, p);
-        cv::cornerSubPix(picture, one, cv::Size(w, w), cv::Size(-1, -1),
-                         cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4));
+        cv::cornerSubPix(
+            picture, one, cv::Size(w, w), cv::Size(-1, -1),
+            cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4));
         (*c)[i] = one[0];
     }
 }

@@ -32,7 +32,8 @@ enum find_result find_board(const arris_image *image, const cal_board *b, bool q
 /* What to tell the user of a result; NULL for FIND_OK. */
 const char *find_reason(enum find_result r);
 
-/* The corners of the same board turned by 180 degrees, in place; by 90 degrees, when cols = rows. */
+/* The corners of the same board turned by 180 degrees, in place; by 90 degrees, when cols = rows.
+ */
 void find_turn_half(const cal_board *b, double *corner);
 void find_turn_quarter(const cal_board *b, double *corner);
 

@@ -12,12 +12,12 @@
 
 #include "problem.h"
 
-static const double REJECT = 5;       /* sigma: such a corner is none */
-static const double BAD_VIEW = 3;     /* times the rms of the view in the middle */
+static const double REJECT = 5;   /* sigma: such a corner is none */
+static const double BAD_VIEW = 3; /* times the rms of the view in the middle */
 static const double MOST_REJECTED = 0.3;
-static const double SAME = 0.002;     /* of the picture's diagonal: views that are one */
-static const double BLIND = 0.03;     /* sigma of the focal length over it: it is not known */
-static const double MIN_TILT = 7;     /* degrees; below, tilt and noise look alike */
+static const double SAME = 0.002; /* of the picture's diagonal: views that are one */
+static const double BLIND = 0.03; /* sigma of the focal length over it: it is not known */
+static const double MIN_TILT = 7; /* degrees; below, tilt and noise look alike */
 
 static const char hint_views[] =
     "take 15 or more pictures with the whole board in them, tilted by 20 to 45 degrees to all "
@@ -143,8 +143,8 @@ static int check_focal(const Problem &p, const Eigen::MatrixXd *cov, fault *f) {
         tilt = std::max(tilt, tilt_of(v));
     for (size_t i = 0; cov && i < p.free.size(); i++)
         if (p.free[i] == CAL_FX || p.free[i] == CAL_FY)
-            sigma = std::max(sigma, std::sqrt((*cov)((Eigen::Index)i, (Eigen::Index)i)) /
-                                        p.k[p.free[i]]);
+            sigma = std::max(sigma,
+                             std::sqrt((*cov)((Eigen::Index)i, (Eigen::Index)i)) / p.k[p.free[i]]);
     const bool asked = std::find(p.free.begin(), p.free.end(), (int)CAL_FX) != p.free.end();
     if (asked && tilt < MIN_TILT)
         return fault_set(f, ARRIS_E_INPUT, hint_views,

@@ -55,8 +55,8 @@ int cal_fit(const cal_board *b, cal_view *views, int n, const cal_options *o, ca
 void cal_leave_out_same(const cal_board *b, cal_view *views, int n, const cal_options *o);
 
 /* The pose of the board in one view by a known camera, from the corners whose `use` is not 0 (NULL:
- * all that are seen), robustly; `cov` (unless NULL) gets its covariance by cal_moved's d for a noise
- * of 1 px. Returns 0 or ARRIS_E_INPUT. */
+ * all that are seen), robustly; `cov` (unless NULL) gets its covariance by cal_moved's d for a
+ * noise of 1 px. Returns 0 or ARRIS_E_INPUT. */
 int cal_find_pose(const cal_board *b, const arris_camera *c, const double *shape,
                   const double *corner, const uint8_t *use, cal_pose *pose, double cov[36]);
 

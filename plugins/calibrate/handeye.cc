@@ -5,9 +5,9 @@
  * Minimised is the sum over all corners of (residual / noise)² and over all views of (correction of
  * the reported pose / the robot's sigma)². A correction touches its own view only, and the corners
  * depend on it, X and Y only through the board's pose P in that view; so they enter by the minimum
- * P_i of their reprojection and the quadratic form around it, and the correction is eliminated: what
- * is left is d_i, the flange as the camera sees it, Y P_i^-1 X^-1, against the reported one, with
- * the covariance of both. Its derivatives are in closed form. The start is closed as well: the
+ * P_i of their reprojection and the quadratic form around it, and the correction is eliminated:
+ * what is left is d_i, the flange as the camera sees it, Y P_i^-1 X^-1, against the reported one,
+ * with the covariance of both. Its derivatives are in closed form. The start is closed as well: the
  * rotation by Park and Martin (1994), then the positions, which are linear.
  */
 #include "handeye.h"
@@ -31,8 +31,8 @@ typedef Eigen::Matrix<double, 6, 12> Matrix6x12;
 typedef Eigen::Matrix<double, 12, 12> Matrix12;
 typedef Eigen::Matrix<double, 12, 1> Vector12;
 
-static const double ONE_AXIS = 0.02;  /* of the diversity: below, a direction is unobservable */
-static const double OUTLIER = 4;      /* times the middle view's misfit */
+static const double ONE_AXIS = 0.02; /* of the diversity: below, a direction is unobservable */
+static const double OUTLIER = 4;     /* times the middle view's misfit */
 static const int FOLDS = 5;
 static const size_t PIVOT_VIEWS = 10; /* fewer do not tell it */
 static const double FAR = 5000;       /* mm; such a pivot is none */
@@ -200,8 +200,8 @@ static Vector6 misfit(const HandEye &h, const Station &v, Matrix6x12 *J, Matrix6
 }
 
 /* An arm's errors in rotation and position are not independent at the flange: one joint that is off
- * moves it along a circle. They are taken to be so at another point that is fixed to the flange, the
- * pivot, which is estimated too. This turns a misfit at the flange into one at the pivot. */
+ * moves it along a circle. They are taken to be so at another point that is fixed to the flange,
+ * the pivot, which is estimated too. This turns a misfit at the flange into one at the pivot. */
 static Matrix6 to_pivot(const HandEye &h, const Station &v) {
     Matrix6 T = Matrix6::Identity();
     T.bottomLeftCorner<3, 3>() = -cross(v.F.R * h.pivot);

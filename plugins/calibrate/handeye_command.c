@@ -104,8 +104,8 @@ static void print_pose(const char *name, const cal_pose *p, const double *cov) {
     cal_rotation_vector(p->R, w);
     printf("%s\n", name);
     for (int i = 0; i < 6; i++) {
-        printf("  %-10s %11.4f", (const char *[]){"x mm", "y mm", "z mm", "turn x °", "turn y °",
-                                                   "turn z °"}[i],
+        printf("  %-10s %11.4f",
+               (const char *[]){"x mm", "y mm", "z mm", "turn x °", "turn y °", "turn z °"}[i],
                i < 3 ? p->t[i] : w[i - 3] * DEGREES);
         if (cov)
             printf(" ± %.4f", sqrt(cov[7 * i]) * (i < 3 ? 1 : DEGREES));
@@ -117,9 +117,10 @@ static void print_result(const he_view *views, int n, const he_result *h) {
     print_views(views, n);
     print_pose("\ncamera on the flange (± 1 sigma)", &h->camera_to_flange, h->cov);
     print_pose("board in the base", &h->board_to_base, NULL);
-    printf("\n%d of %d views. Corners: %.3f px rms by each view's own pose; %.2f px by the robot's; "
-           "%.3f px when the robot's poses are corrected as far as their noise allows.\n",
-           h->views, n, h->corner_px, h->reported_px, h->corrected_px);
+    printf(
+        "\n%d of %d views. Corners: %.3f px rms by each view's own pose; %.2f px by the robot's; "
+        "%.3f px when the robot's poses are corrected as far as their noise allows.\n",
+        h->views, n, h->corner_px, h->reported_px, h->corrected_px);
     printf("The robot is off by %.2f mm and %.3f° (rms over the views): its reported poses scatter "
            "by %.2f mm along and %.3f° about each axis.\n",
            h->off_mm, h->off_angle * DEGREES, h->sigma_mm, h->sigma_angle * DEGREES);

@@ -77,8 +77,9 @@ static int show(command *m) {
         return 0;
     }
     const cal_quality *q = &m->quality;
-    fprintf(stderr, "%d views: %.1f µm on the part at %.0f mm at the worst place, %.1f in the middle "
-                    "one. %s\n",
+    fprintf(stderr,
+            "%d views: %.1f µm on the part at %.0f mm at the worst place, %.1f in the middle "
+            "one. %s\n",
             l->n, q->sigma.worst, q->distance, q->sigma.middle, q->advice[0]);
     return m->target > 0 && q->sigma.worst < m->target;
 }
@@ -105,8 +106,8 @@ static int take(command *m, const arris_image *image, int64_t frame, bool paced,
     l->height = image->height;
     live.pictures++;
     enum find_result found = find_board(image, &l->board, paced, live.corner);
-    const bool still = !paced || (live.seen_before &&
-                                  distance(l, live.corner, live.before) < STILL);
+    const bool still =
+        !paced || (live.seen_before && distance(l, live.corner, live.before) < STILL);
     if (found == FIND_BIGGER)
         return fault_set(f, ARRIS_E_INPUT, "count the inner corners, where four squares meet",
                          "the board has more than %dx%d corners", l->board.cols, l->board.rows);
@@ -177,17 +178,18 @@ static int collect(command *m, fault *f) {
 
 int live_collect(command *m, fault *f) {
     const size_t n = 2 * (size_t)cal_corners(&m->views.board);
-    live = (struct live){.m = m, .corner = calloc(n, sizeof(double)),
-                         .before = calloc(n, sizeof(double))};
+    live = (struct live){
+        .m = m, .corner = calloc(n, sizeof(double)), .before = calloc(n, sizeof(double))};
     int r = live.corner && live.before ? collect(m, f)
                                        : fault_set(f, ARRIS_E_MEMORY, NULL, "no memory");
     if (r == 0 && m->views.n == 0)
-        r = fault_set(f, ARRIS_E_INPUT,
-                      "hold the board still for a moment, the whole of it in the picture; --board "
-                      "counts the inner corners",
-                      "no view was taken from %lld pictures: a board of %dx%d inner corners was not "
-                      "found, or never stood still",
-                      (long long)live.pictures, m->views.board.cols, m->views.board.rows);
+        r = fault_set(
+            f, ARRIS_E_INPUT,
+            "hold the board still for a moment, the whole of it in the picture; --board "
+            "counts the inner corners",
+            "no view was taken from %lld pictures: a board of %dx%d inner corners was not "
+            "found, or never stood still",
+            (long long)live.pictures, m->views.board.cols, m->views.board.rows);
     free(live.corner);
     free(live.before);
     live.m = NULL;

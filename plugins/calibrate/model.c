@@ -65,8 +65,7 @@ void cal_rotation_vector(const double R[9], double w[3]) {
 void cal_multiply(const double A[9], const double B[9], double C[9]) {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            C[3 * i + j] =
-                A[3 * i] * B[j] + A[3 * i + 1] * B[3 + j] + A[3 * i + 2] * B[6 + j];
+            C[3 * i + j] = A[3 * i] * B[j] + A[3 * i + 1] * B[3 + j] + A[3 * i + 2] * B[6 + j];
 }
 
 static void apply(const cal_pose *p, const double X[3], double Y[3]) {
@@ -125,10 +124,10 @@ void cal_corner(const cal_board *b, const double *shape, int i, double X[3],
 
 /* A point on its way through the camera. */
 typedef struct passage {
-    double x, y;       /* ideal, normalised */
-    double dx, dy;     /* distorted */
+    double x, y;   /* ideal, normalised */
+    double dx, dy; /* distorted */
     double r2;
-    double J[2][2];    /* d(dx, dy) / d(x, y) */
+    double J[2][2]; /* d(dx, dy) / d(x, y) */
 } passage;
 
 static void pass_lens(const double k[CAL_N], passage *q) {

@@ -9,8 +9,9 @@
  *     dx = 2 p1 x y + p2 (r² + 2 x²), dy = p1 (r² + 2 y²) + 2 p2 x y, on distorted-free x, y;
  *   - his toolbox fixes alpha_c and k3 at 0 unless told otherwise (est_alpha, est_dist);
  *   - pixel (0, 0) is the centre of the first pixel, as in his C-like coordinates and in OpenCV; in
- *     Matlab's own coordinates it is (1, 1), and where pixels are areas (OpenGL, most photogrammetry)
- *     (0.5, 0.5): cx and cy differ by that much, and by (s - 1) / 2 when a picture is scaled by s;
+ *     Matlab's own coordinates it is (1, 1), and where pixels are areas (OpenGL, most
+ * photogrammetry) (0.5, 0.5): cx and cy differ by that much, and by (s - 1) / 2 when a picture is
+ * scaled by s;
  *   - the uncertainties that he prints are three standard deviations, ours are one.
  */
 #ifndef CALIBRATE_MODEL_H

@@ -58,11 +58,12 @@ static void draw(const page *p, const cal_board *b, double margin) {
             rectangle(p, margin + col * s, margin + row * s, s, s);
     const int length = (int)fmin(200, fmax(10, floor((p->width - 2 * margin) / 50) * 50));
     ruler(p, margin, bottom + margin, length);
-    snprintf(words, sizeof words, "%dx%d inner corners, squares of %g mm. Print at 100 %%: the ruler",
-             b->cols, b->rows, s);
+    snprintf(words, sizeof words,
+             "%dx%d inner corners, squares of %g mm. Print at 100 %%: the ruler", b->cols, b->rows,
+             s);
     text(p, margin, bottom + margin + 14, words);
-    snprintf(words, sizeof words, "is %d mm. Glue it on something flat: --square is what you measure.",
-             length);
+    snprintf(words, sizeof words,
+             "is %d mm. Glue it on something flat: --square is what you measure.", length);
     text(p, margin, bottom + margin + 19, words);
 }
 

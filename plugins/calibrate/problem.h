@@ -43,7 +43,8 @@ struct Problem {
     double k[CAL_N];
     double shape[CAL_SHAPE];
     bool bent; /* the shape is not 0 */
-    std::vector<int> free; /* the globals: parameters below CAL_N, then CAL_N + terms of the shape */
+    std::vector<int>
+        free; /* the globals: parameters below CAL_N, then CAL_N + terms of the shape */
     std::vector<View> views;
     double noise; /* px, the scale of Huber's weights */
 
@@ -55,7 +56,8 @@ struct Problem {
     Block block(const View &v) const;
     /* The noise of one coordinate by the median of all distances. */
     void estimate_noise();
-    /* Levenberg and Marquardt, until the cost falls by less than 1e-12 of it or `rounds` are over. */
+    /* Levenberg and Marquardt, until the cost falls by less than 1e-12 of it or `rounds` are over.
+     */
     void minimise(int rounds);
     int observations() const;
 };

@@ -14,12 +14,12 @@
 
 #include <Eigen/Dense>
 
-static const double STEEP = 20;      /* degrees */
-static const double NARROW = 30;     /* degrees, of the range of tilts about one axis */
+static const double STEEP = 20;  /* degrees */
+static const double NARROW = 30; /* degrees, of the range of tilts about one axis */
 static const int FEW_VIEWS = 10;
-static const double APART = 2;       /* the halves' differences over their sigma */
-static const double UNEVEN = 10;     /* times the uncertainty in the middle one of the places */
-static const double BLURRED = 0.5;   /* px, the noise of a corner */
+static const double APART = 2;     /* the halves' differences over their sigma */
+static const double UNEVEN = 10;   /* times the uncertainty in the middle one of the places */
+static const double BLURRED = 0.5; /* px, the noise of a corner */
 
 /* ---- on the part ----------------------------------------------------------------------------- */
 
@@ -98,7 +98,8 @@ static bool fit_half(const cal_board *b, const cal_view *views, int n, const cal
 
 static void compare_halves(const cal_board *b, const cal_view *views, int n, const cal_options *o,
                            const cal_result *r, cal_quality *q) {
-    q->halved = fit_half(b, views, n, o, 0, &q->half[0]) && fit_half(b, views, n, o, 1, &q->half[1]);
+    q->halved =
+        fit_half(b, views, n, o, 0, &q->half[0]) && fit_half(b, views, n, o, 1, &q->half[1]);
     if (!q->halved)
         return;
     map_difference(r, q->half, q->distance, &q->difference);
@@ -198,8 +199,9 @@ static void advise_on_cover(cal_quality *q) {
                 snprintf(list + at, sizeof list - at, "%s%s", n++ ? ", " : "", names[row][col]);
             }
     if (n)
-        advise(q, "Add views with the board in the %s: too few corners were seen there, and the lens "
-                  "is only guessed.",
+        advise(q,
+               "Add views with the board in the %s: too few corners were seen there, and the lens "
+               "is only guessed.",
                list);
 }
 
@@ -207,8 +209,9 @@ static void advise_all(const cal_options *o, const cal_result *r, cal_quality *q
     if (r->views < FEW_VIEWS)
         advise(q, "Add views: %d are few, 15 to 30 are good.", r->views);
     if (q->tilted < 4)
-        advise(q, "Add views tilted by more than 20 degrees: there are %d, and the focal length "
-                  "comes from them.",
+        advise(q,
+               "Add views tilted by more than 20 degrees: there are %d, and the focal length "
+               "comes from them.",
                q->tilted);
     if (q->tilt_x < NARROW)
         advise(q, "Add views with the board's upper edge tilted towards the camera, and away.");
@@ -216,8 +219,9 @@ static void advise_all(const cal_options *o, const cal_result *r, cal_quality *q
         advise(q, "Add views with the board's left edge tilted towards the camera, and away.");
     advise_on_cover(q);
     if (r->noise > BLURRED)
-        advise(q, "Look at the pictures: a corner scatters by %.2f px; 0.1 px is usual. Are they "
-                  "sharp, and did the board stand still?",
+        advise(q,
+               "Look at the pictures: a corner scatters by %.2f px; 0.1 px is usual. Are they "
+               "sharp, and did the board stand still?",
                r->noise);
     if (q->halved && q->apart > APART)
         advise(q, "The two halves differ by %.1f times their uncertainty: %s", q->apart,

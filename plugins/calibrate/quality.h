@@ -30,8 +30,8 @@ typedef struct cal_quality {
     double depth_sigma; /* µm at that distance, of the depth, by the focal length */
     bool halved;        /* there were views enough for two halves */
     cal_result half[2];
-    cal_map difference; /* of the two halves */
-    double apart;       /* the halves' parameters, rms of difference over its sigma */
+    cal_map difference;      /* of the two halves */
+    double apart;            /* the halves' parameters, rms of difference over its sigma */
     int covered[GRID][GRID]; /* corners in the outer fifths and the middle of the picture */
     int tilted;              /* views tilted by more than 20 degrees */
     double tilt_x, tilt_y;   /* degrees, the range of the tilts about the picture's x and y */

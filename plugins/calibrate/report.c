@@ -129,8 +129,8 @@ static void draw_map(FILE *out, const view_list *l, const cal_map *m, double ful
                 "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" "
                 "fill=\"hsl(%.0f,80%%,75%%)\"/><text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\" "
                 "style=\"font-size:%.1fpx\">%.3g</text>\n",
-                x, y, w, h, 120 * (1 - fmin(1, full > 0 ? v / full : 0)), x + w / 2,
-                y + 0.6 * h, 0.3 * w, v);
+                x, y, w, h, 120 * (1 - fmin(1, full > 0 ? v / full : 0)), x + w / 2, y + 0.6 * h,
+                0.3 * w, v);
     }
     fputs("</svg>\n", out);
 }
@@ -156,9 +156,9 @@ static void maps(FILE *out, const view_list *l, const cal_quality *q) {
 
 /* ---- the tables ----------------------------------------------------------------------------- */
 
-static void parameters(FILE *out, const cal_options *o, const cal_result *r,
-                       const cal_quality *q) {
-    fputs("<h2>Parameters</h2><table><tr><th></th><th>value</th><th>1 sigma</th><th>95 %</th>", out);
+static void parameters(FILE *out, const cal_options *o, const cal_result *r, const cal_quality *q) {
+    fputs("<h2>Parameters</h2><table><tr><th></th><th>value</th><th>1 sigma</th><th>95 %</th>",
+          out);
     fputs(q->halved ? "<th>first half</th><th>second half</th></tr>\n" : "</tr>\n", out);
     for (int i = 0; i < CAL_N; i++) {
         const int digits = i < CAL_K1 ? 4 : 6;
@@ -182,8 +182,9 @@ static void parameters(FILE *out, const cal_options *o, const cal_result *r,
 }
 
 static void views(FILE *out, const view_list *l) {
-    fputs("<h2>Views</h2><table><tr><th>file</th><th>corners</th><th>rms px</th><th>tilt</th></tr>\n",
-          out);
+    fputs(
+        "<h2>Views</h2><table><tr><th>file</th><th>corners</th><th>rms px</th><th>tilt</th></tr>\n",
+        out);
     for (int i = 0; i < l->n; i++) {
         const cal_view *v = &l->item[i];
         fputs("<tr><td>", out);

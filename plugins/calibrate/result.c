@@ -41,17 +41,20 @@ void result_print(FILE *out, const view_list *l, const cal_options *o, const cal
     fprintf(out, "%d of %d views, %d corners, %d rejected\n\n", r->views, l->n, r->corners,
             r->rejected);
     print_parameters(out, o, r);
-    fprintf(out, "\nrms of the residuals %.4f px (x %.4f, y %.4f); it says how well the model fits, "
-                 "not how good the calibration is\n",
+    fprintf(out,
+            "\nrms of the residuals %.4f px (x %.4f, y %.4f); it says how well the model fits, "
+            "not how good the calibration is\n",
             r->rms, r->rms_x, r->rms_y);
     if (o->flat)
         fprintf(out, "the board bulges by %.3f ± %.3f mm\n", r->bulge, r->bulge_sigma);
-    fprintf(out, "on the part at %.0f mm: %.1f µm at the worst place of the picture, %.1f in the "
-                 "middle one; %.1f µm in depth (1 sigma)\n",
+    fprintf(out,
+            "on the part at %.0f mm: %.1f µm at the worst place of the picture, %.1f in the "
+            "middle one; %.1f µm in depth (1 sigma)\n",
             q->distance, q->sigma.worst, q->sigma.middle, q->depth_sigma);
     if (q->halved)
-        fprintf(out, "twice, on halves of the views: %.1f µm apart at the worst place, %.1f times "
-                     "what is expected\n",
+        fprintf(out,
+                "twice, on halves of the views: %.1f µm apart at the worst place, %.1f times "
+                "what is expected\n",
                 q->difference.worst, q->apart);
     print_views(out, l);
     for (int i = 0; i < q->n_advice; i++)

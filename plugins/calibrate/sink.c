@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * sink.c: the stage `calibrate`, which `arris calibrate --from` puts at the end of the pipeline that
- * it is given; it hands the pictures to live.c.
+ * sink.c: the stage `calibrate`, which `arris calibrate --from` puts at the end of the pipeline
+ * that it is given; it hands the pictures to live.c.
  */
 #include "arris_plugin.h"
 

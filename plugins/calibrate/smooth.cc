@@ -68,6 +68,7 @@ bool smooth_board(const cal_board *b, const std::vector<cv::Point2f> &corner,
     }
     const Eigen::MatrixXd A = terms(b), bend = A * fit(A, rest);
     for (size_t i = 0; i < corner.size(); i++)
-        (*smooth)[i] = flat[i] + cv::Point2f((float)bend((Eigen::Index)i, 0), (float)bend((Eigen::Index)i, 1));
+        (*smooth)[i] =
+            flat[i] + cv::Point2f((float)bend((Eigen::Index)i, 0), (float)bend((Eigen::Index)i, 1));
     return true;
 }
