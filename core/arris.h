@@ -108,6 +108,9 @@ void arris_print_stats(const arris_pipeline *p, FILE *out);
 void arris_print_stages(FILE *out, bool json);
 /* Explains one stage from its descriptor. Returns 0, or an error with *err filled. */
 int arris_print_stage(const char *name, FILE *out, bool json, arris_error *err);
+/* Lists the devices that a stage finds, and what they can do. Returns 0, or an error with *err
+ * filled. */
+int arris_print_devices(const char *name, FILE *out, arris_error *err);
 
 /* A subcommand `arris NAME ...` that a plugin gives: takes its words, words[0] its name, and
  * returns the program's exit code. NULL with *err filled (USAGE, PLUGIN) when there is none. Any

@@ -23,6 +23,8 @@
 #ifndef ARRIS_PLUGIN_H
 #define ARRIS_PLUGIN_H
 
+#include <stdio.h>
+
 #include "arris_geometry.h"
 #include "arris_types.h"
 
@@ -47,7 +49,8 @@ enum arris_type {
     ARRIS_INFILE  /* const char *: a path to read; in a recipe it is relative to the recipe */
 };
 
-/* Frozen within an ABI number, since tables of it are arrays. */
+/* Frozen within an ABI number, since tables of it are arrays. A STRING whose name is "*" takes what
+ * no other row names: `name=value` and a line feed for each such word of the launch line. */
 typedef struct arris_prop {
     const char *name;
     enum arris_type type;
@@ -122,6 +125,10 @@ typedef struct arris_stage_desc {
     /* `f` carries what upstream stages gave in their own finish, and no image. */
     int (*finish)(arris_stage *s, void *self, arris_frame *f);
     void (*close)(arris_stage *s, void *self);
+
+    /* Of a stage that deals with devices: lists those that are there and what they can do, for
+     * `arris stages NAME --devices`. Any thread, without a pipeline. Returns 0 or an error. */
+    int (*devices)(FILE *out);
 } arris_stage_desc;
 
 /* A subcommand of the program: `arris NAME ...`. */
@@ -248,6 +255,12 @@ const void *arris_feedback(arris_stage *s, enum arris_layer layer);
  * `camera` are those of an empty layer; the image's size and format are set, its pixels are not.
  * Never NULL: the pool holds enough for every frame in flight. */
 void *arris_layer_give(arris_stage *s, arris_frame *f, enum arris_layer layer);
+
+/* Whether any frame still carries `given`, which this stage's arris_layer_give returned. A source
+ * may point an image's data and stride into memory of its own, a driver's buffer, when rows start
+ * on 64-byte boundaries and 64 bytes may be read after the last: this tells it when it may have
+ * that memory back. By the stage's own thread, until it is given anew; in close nothing is held. */
+bool arris_layer_held(const arris_stage *s, enum arris_layer layer, const void *given);
 
 /* CLOCK_MONOTONIC, ns. Any thread. */
 int64_t arris_now(void);

@@ -148,3 +148,14 @@ int arris_print_stage(const char *name, FILE *out, bool json, arris_error *err) 
     fputs(json ? "\n" : "", out);
     return 0;
 }
+
+int arris_print_devices(const char *name, FILE *out, arris_error *err) {
+    arris_error ignored;
+    const arris_stage_desc *d = registry_find(name, NULL, err ? err : &ignored);
+    if (!d)
+        return err ? err->code : ignored.code;
+    if (!d->devices)
+        return error_set(err, ARRIS_E_USAGE, NULL, "%s deals with no devices", name);
+    int rc = d->devices(out);
+    return rc ? error_set(err, rc, NULL, "%s cannot list its devices", name) : 0;
+}

@@ -74,6 +74,14 @@ const void *arris_layer_get(const arris_frame *f, enum arris_layer layer) {
     return layer < ARRIS_MAX_LAYERS && f->layer[layer] ? f->layer[layer]->data : NULL;
 }
 
+bool arris_layer_held(const arris_stage *s, enum arris_layer layer, const void *given) {
+    const pool *p = &s->pools[layer].pool;
+    for (size_t i = 0; i < p->n; i++)
+        if (p->item[i].data == given)
+            return atomic_load_explicit(&p->item[i].refs, memory_order_acquire) > 0;
+    return false;
+}
+
 void *arris_layer_give(arris_stage *s, arris_frame *f, enum arris_layer layer) {
     uint32_t bit = ARRIS_BIT(layer);
     if (!(f->given & bit)) {

@@ -132,6 +132,12 @@ void layer_init(enum arris_layer layer, void *data, const arris_caps *caps, size
 
 void layer_reset(enum arris_layer layer, void *data) {
     switch (layer) {
+    case ARRIS_IMAGE: { /* its giver may have let it point elsewhere */
+        arris_image *i = data;
+        i->stride = (ptrdiff_t)up64((size_t)i->width * i->format);
+        i->data = (uint8_t *)data + head_size(layer);
+        break;
+    }
     case ARRIS_POSE:
         *(arris_pose *)data = (arris_pose){0};
         break;

@@ -124,6 +124,13 @@ int props_default(const arris_stage_desc *d, void *self, strings **own, arris_er
     return 0;
 }
 
+/* Adds a word to what a row "*" has taken. */
+static int store_rest(const arris_prop *p, void *self, strings **own, const char *word) {
+    const char **to = (void *)((char *)self + p->offset), *before = *to ? *to : "";
+    int rc = own_string(own, before, (int)strlen(before), word, to);
+    return rc ? rc : own_string(own, *to, (int)strlen(*to), "\n", to);
+}
+
 static int unknown(const arris_stage_desc *d, const token *t, const char *key, arris_error *err) {
     char hint[400] = "it has no properties";
     nearest n = {.word = key};
@@ -141,8 +148,11 @@ int props_set(const arris_stage_desc *d, void *self, strings **own, const token 
               arris_error *err) {
     const char *value = strchr(t->text, '=') + 1;
     size_t n = (size_t)(value - t->text) - 1;
+    const arris_prop *rest = NULL;
     for (size_t i = 0; i < d->n_props; i++) {
         const arris_prop *p = &d->props[i];
+        if (strcmp(p->name, "*") == 0)
+            rest = p;
         if (strlen(p->name) != n || memcmp(p->name, t->text, n) != 0)
             continue;
         int rc = store(p, self, own, t->src, value);
@@ -154,6 +164,10 @@ int props_set(const arris_stage_desc *d, void *self, strings **own, const token 
                         d->name, p->name, value, p->type == ARRIS_INT ? "a whole number from " : "",
                         range);
     }
+    if (rest)
+        return store_rest(rest, self, own, t->text)
+                   ? error_set(err, ARRIS_E_MEMORY, NULL, "out of memory")
+                   : 0;
     char key[64];
     snprintf(key, sizeof key, "%.*s", n < sizeof key ? (int)n : (int)sizeof key - 1, t->text);
     return unknown(d, t, key, err);

@@ -17,8 +17,11 @@
 enum { SPINS = 1000, YIELDS = 2, SLEEP_MS = 50 };
 static int spins;
 
-int waiter_init(waiter *w) {
+__attribute__((constructor)) static void count_processors(void) {
     spins = sysconf(_SC_NPROCESSORS_ONLN) > 1 ? SPINS : 0;
+}
+
+int waiter_init(waiter *w) {
     pthread_condattr_t a;
     pthread_condattr_init(&a);
     pthread_condattr_setclock(&a, CLOCK_MONOTONIC);

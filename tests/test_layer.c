@@ -146,7 +146,7 @@ AT(arris_layers, wants, 4);
 AT(arris_layers, gives, 8);
 AT(arris_layers, asks, 12);
 
-SIZE(arris_stage_desc, 120, 8);
+SIZE(arris_stage_desc, 128, 8);
 AT(arris_stage_desc, size, 0);
 AT(arris_stage_desc, name, 8);
 AT(arris_stage_desc, summary, 16);
@@ -161,6 +161,7 @@ AT(arris_stage_desc, setup, 88);
 AT(arris_stage_desc, process, 96);
 AT(arris_stage_desc, finish, 104);
 AT(arris_stage_desc, close, 112);
+AT(arris_stage_desc, devices, 120);
 
 SIZE(arris_plugin_desc, 48, 8);
 AT(arris_plugin_desc, size, 0);

@@ -10,6 +10,7 @@
 static const char help[] =
     "usage: arris launch [--check] [--stats] [--trace FILE] [--dot FILE] [-q] [-v] PIPELINE\n"
     "       arris stages [NAME] [--json]\n"
+    "       arris stages NAME --devices\n"
     "       arris COMMAND ...\n"
     "       arris --version | --help\n"
     "\n"
