@@ -5,6 +5,7 @@
 #   make cell       a simulated robot, camera, pipeline and subscribers over LCM, for a minute
 #   make test       install what is missing, build, run every test
 #   make check      the tests under ASan and UBSan, TSan, valgrind; a minute of each fuzzer
+#   make test-vm    the drivers against a real kernel in a virtual machine
 #   make bench      speed and accuracy beside others, in one run
 #   make experiments   the thesis's comparisons of detectors and of settings, with figures
 #   make lint       format, headers alone, shell scripts        make format  put the format right
@@ -33,8 +34,8 @@ types      := $(sort $(wildcard plugins/lcm/types/*.lcm))
 types_c    := $(patsubst plugins/lcm/types/%.lcm,$(B)/lcmtypes/arris_%.c,$(types))
 headers    := core/arris.h core/arris_plugin.h core/arris_geometry.h core/arris_types.h
 
-.PHONY: all demo cell test check bench experiments lint format install uninstall clean setup-% \
-        lcmtypes-python run-experiments run-tests run-valgrind run-fuzz fuzzers
+.PHONY: all demo cell test check test-vm bench experiments lint format install uninstall clean setup-% \
+        lcmtypes-python run-experiments run-tests run-vm vm-cycles run-valgrind run-fuzz fuzzers
 .DELETE_ON_ERROR:
 .SECONDARY:
 all: $(B)/arris $(B)/arris-robot $(plugins:%=$(B)/lib/arris/%.stages)
@@ -126,8 +127,9 @@ $(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
 # ---- set-up: installs the Debian packages that are missing, and says which --------------------
 
 packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev libmd-dev \
-                  libassimp-dev liblcm-dev liblcm-bin libeigen3-dev libopencv-core-dev \
-                  libopencv-imgproc-dev libopencv-calib3d-dev libopencv-video-dev
+                  libassimp-dev liblcm-dev liblcm-bin libeigen3-dev libusb-1.0-0-dev \
+                  libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev \
+                  libopencv-video-dev
 packages_test  := $(packages_build) libcmocka-dev iproute2 python3-venv
 packages_cell  := $(packages_build) iproute2 util-linux
 packages_check := $(packages_test) clang libclang-rt-14-dev valgrind
@@ -202,6 +204,10 @@ run-valgrind: all $(foreach t,$(valgrind_tests),$(B)/tests/test_$(firstword $(su
 	for t in $(valgrind_tests); do B=$(B) valgrind -q --error-exitcode=9 --leak-check=full \
 	    --suppressions=tests/valgrind.supp $(B)/tests/test_$${t%%:*} "$${t#*:}" || exit 1; done
 
+# ---- the drivers in a virtual machine, tests/vm --------------------------------------------------
+
+include tests/vm/vm.mk
+
 # ---- fuzzing: libFuzzer, each for FUZZ_SECONDS -------------------------------------------------
 
 FUZZ_SECONDS ?= 60
@@ -260,8 +266,11 @@ install: all
 	install -m 644 $(plugins:%=$(B)/lib/arris/%.stages) $(DESTDIR)$(LIBDIR)/arris
 	sed 's|@PREFIX@|$(PREFIX)|; s|@LIBDIR@|$(LIBDIR)|; s|@VERSION@|$(VERSION)|' core/arris.pc.in \
 	    > $(DESTDIR)$(LIBDIR)/pkgconfig/arris.pc
+	install -d $(DESTDIR)$(PREFIX)/lib/udev/rules.d
+	install -m 644 drivers/usb/60-arris-usb.rules $(DESTDIR)$(PREFIX)/lib/udev/rules.d
 uninstall:
-	rm -f $(addprefix $(DESTDIR),$(addprefix $(PREFIX)/bin/,arris arris-robot) $(LIBDIR)/libarris.so.1 $(LIBDIR)/libarris.so \
+	rm -f $(addprefix $(DESTDIR),$(addprefix $(PREFIX)/bin/,arris arris-robot) \
+	    $(PREFIX)/lib/udev/rules.d/60-arris-usb.rules $(LIBDIR)/libarris.so.1 $(LIBDIR)/libarris.so \
 	    $(LIBDIR)/pkgconfig/arris.pc $(plugins:%=$(LIBDIR)/arris/%.so) $(plugins:%=$(LIBDIR)/arris/%.stages) \
 	    $(headers:core/%=$(PREFIX)/include/arris/%))
 	-rmdir $(addprefix $(DESTDIR),$(LIBDIR)/arris $(PREFIX)/include/arris) 2>/dev/null

@@ -1,0 +1,2 @@
+v4l2_uses := camera
+v4l2_PKGS := libturbojpeg
