@@ -267,6 +267,11 @@ static void images(void **state) {
             ALIGNED(i->data);
             memset(i->data, 1, (size_t)i->stride * 5 + 64); /* 64 bytes behind the last row */
             assert_true(i->format == caps.format);
+            arris_image own = *i;
+            i->data = NULL; /* as a source lets it point into a buffer of the driver's */
+            i->stride = 1 << 20;
+            layer_reset(ARRIS_IMAGE, i);
+            assert_true(i->data == own.data && i->stride == own.stride && i->camera == &camera);
             free(i);
         }
 }

@@ -160,6 +160,22 @@ static void texts(void **state) {
     assert_string_equal(self.text, "");
 }
 
+static void a_star_takes_what_no_other_row_names(void **state) {
+    (void)state;
+    static const arris_prop rows[] = {
+        ARRIS_P_STRING(struct self, text, "*", NULL, "whatever else"),
+        ARRIS_P_INT(struct self, number, "number", "1", 0, 9, NULL, "how many"),
+    };
+    static const arris_stage_desc open = {.name = "stage", .props = rows, .n_props = COUNT(rows)};
+    source src = {.text = (char *)""};
+    static const char *const line[] = {"gain=3", "number=7", "number=70", "white-balance=a=b"};
+    for (size_t i = 0; i < COUNT(line); i++)
+        assert_int_equal(props_set(&open, &self, &own, &(token){&src, line[i], 0}, &err),
+                         i == 2 ? ARRIS_E_USAGE : 0);
+    assert_string_equal(self.text, "gain=3\nwhite-balance=a=b\n");
+    assert_int_equal(self.number, 7);
+}
+
 static void paths_are_relative_to_the_recipe(void **state) {
     (void)state;
     assert_int_equal(set_in("lab/scans/box.arris", "file-name=data/frames.csv"), 0);
@@ -259,6 +275,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(real_numbers, begin, end),
         cmocka_unit_test_setup_teardown(words, begin, end),
         cmocka_unit_test_setup_teardown(texts, begin, end),
+        cmocka_unit_test_setup_teardown(a_star_takes_what_no_other_row_names, begin, end),
         cmocka_unit_test_setup_teardown(paths_are_relative_to_the_recipe, begin, end),
         cmocka_unit_test_setup_teardown(errors_say_what_is_expected, begin, end),
         cmocka_unit_test_setup_teardown(overlong_words_are_cut, begin, end),

@@ -31,3 +31,12 @@ bench_edges_CFLAGS := -isystem /usr/include/opencv4 -Wno-missing-field-initializ
 bench_edges_LIBS := -lopencv_core -lopencv_imgproc -lopencv_ximgproc
 bench_edges_PKGS := libpng
 test_calibrate_run_uses := calibrate image files
+
+test_pixels_uses := camera
+test_pixels_PKGS := libturbojpeg
+test_live_uses := camera
+test_live_PKGS := libturbojpeg
+test_usb_CFLAGS := -Itests
+bench_pixels_uses := camera
+bench_pixels_PKGS := libturbojpeg
+fuzz_uvc_uses := usb camera

@@ -76,21 +76,7 @@ static void row_y12(const uint8_t *in, uint8_t *out, int32_t width) {
 
 /* 0.299 R + 0.587 G + 0.114 B in 16 bits of fraction, as libjpeg has it. */
 static void row_rgb3(const uint8_t *in, uint8_t *out, int32_t width) {
-    int32_t x = 0;
-    for (; x + LANES <= width; x += LANES, in += 3 * LANES) {
-        bytes16 r, g, b;
-        for (int i = 0; i < LANES; i++) {
-            r[i] = in[3 * i];
-            g[i] = in[3 * i + 1];
-            b[i] = in[3 * i + 2];
-        }
-        longs16 sum = __builtin_convertvector(r, longs16) * 19595 +
-                      __builtin_convertvector(g, longs16) * 38470 +
-                      __builtin_convertvector(b, longs16) * 7471 + 32768;
-        bytes16 y = __builtin_convertvector(sum >> 16, bytes16);
-        memcpy(out + x, &y, sizeof y);
-    }
-    for (; x < width; x++, in += 3)
+    for (int32_t x = 0; x < width; x++, in += 3)
         out[x] = (uint8_t)((19595u * in[0] + 38470u * in[1] + 7471u * in[2] + 32768u) >> 16);
 }
 

@@ -85,14 +85,14 @@ insmod /modules/uvcvideo.ko
 # ---- vivid: our own pictures out and in again, measured ----------------------------------------
 
 mkdir /tmp/padded
-./pad box/frames.csv /tmp/padded 120 >$out 2>&1
+./pad box /tmp/padded 120 >$out 2>&1
 ok 'the padded recording'
 for node in 0 1; do v4l2-ctl -d /dev/video$node --set-dv-bt-timings index=0 >/dev/null; done
 control /dev/video0 loop_video=1,osd_text_mode=2
 scan='edges ! undistort ! segments ! track ! reconstruct pose-sigma=0 rot-sigma=0'
 run imagesrc location=/tmp/padded/frames.csv ! $scan ! filesink location=/tmp/files.json
 run $vivid format=RGB3 camera=/tmp/padded/camera.json \
-    ! vividloop location=/tmp/padded/frames.csv device=/dev/video1 \
+    ! vividloop location=/tmp/padded device=/dev/video1 \
     ! pose location=/tmp/padded/frames.csv ! $scan ! filesink location=/tmp/loop.json
 says '120 of 120 came back bit for bit'
 ok 'vivid gives the recording back bit for bit'

@@ -3,7 +3,7 @@
  * pad.c: pads the first N frames of a recording to 640x480 on the right and below, which leaves the
  * camera's parameters as they are but for its size:
  *
- *     pad FROM/frames.csv TO N        writes TO/frames.csv, TO/camera.json, TO/0000.pgm ...
+ *     pad FROM TO N        writes TO/frames.csv, TO/camera.json, TO/0000.pgm ...
  *
  * The padding continues the last column and row, so that it adds no edges of its own.
  */
@@ -13,10 +13,9 @@
 
 #include "bytes.h"
 #include "camera.h"
-#include "image/frames.h"
 #include "image/picture.h"
 
-enum { WIDTH = 640, HEIGHT = 480 };
+enum { WIDTH = 640, HEIGHT = 480, MAX_PATH = 4096 };
 
 static void die(const char *what) {
     fprintf(stderr, "pad: %s\n", what);
@@ -24,7 +23,7 @@ static void die(const char *what) {
 }
 
 static FILE *create(const char *folder, const char *name) {
-    char path[FRAMES_PATH];
+    char path[MAX_PATH];
     snprintf(path, sizeof path, "%s/%s", folder, name);
     FILE *f = fopen(path, "w");
     if (!f)
@@ -45,15 +44,16 @@ static void write_picture(FILE *out, const arris_image *im) {
         die("cannot write");
 }
 
-static void pad(const frame_list *l, size_t i, const char *to, FILE *csv) {
+/* A line of the list: its picture is padded, and stands in its place. */
+static void pad(const char *from, const char *line, int i, const char *to, FILE *csv) {
     static uint8_t grey[WIDTH * HEIGHT];
-    char path[FRAMES_PATH], name[32];
+    char path[MAX_PATH], name[32];
+    int begin = (int)strcspn(line, ",") + 1, n = (int)strcspn(line + begin, ",");
     bytes file = {.data = NULL};
     picture_info info;
     fault f;
-    const frame_entry *e = &l->item[i];
-    if (frames_path(l, e->file, path, &f) || bytes_read(&file, path, 1 << 24, &f) ||
-        picture_read_info(file.data, file.n, &info, &f))
+    snprintf(path, sizeof path, "%s/%.*s", from, n, line + begin);
+    if (bytes_read(&file, path, 1 << 24, &f) || picture_read_info(file.data, file.n, &info, &f))
         die(f.text);
     if (info.width > WIDTH || info.height > HEIGHT || info.format != ARRIS_GREY8)
         die("the pictures are too large");
@@ -61,19 +61,17 @@ static void pad(const frame_list *l, size_t i, const char *to, FILE *csv) {
     if (picture_decode(file.data, file.n, &im, &f))
         die(f.text);
     free(file.data);
-    snprintf(name, sizeof name, "%04zu.pgm", i);
+    snprintf(name, sizeof name, "%04d.pgm", i);
     write_picture(create(to, name), &im);
-    fprintf(csv, "%lld,%s,%lld", (long long)e->index, name, (long long)e->utime);
-    for (int k = 0; k < 6; k++)
-        fprintf(csv, ",%.17g", e->pose[k]);
-    fputc('\n', csv);
+    fprintf(csv, "%.*s%s%s", begin, line, name, line + begin + n);
 }
 
-static void write_camera(const frame_list *l, const char *to) {
-    char path[FRAMES_PATH];
+static void write_camera(const char *from, const char *to) {
+    char path[MAX_PATH];
     arris_camera c;
     fault f;
-    if (frames_path(l, "camera.json", path, &f) || camera_load(path, &c, &f))
+    snprintf(path, sizeof path, "%s/camera.json", from);
+    if (camera_load(path, &c, &f))
         die(f.text);
     FILE *out = create(to, "camera.json");
     fprintf(out,
@@ -86,17 +84,16 @@ static void write_camera(const frame_list *l, const char *to) {
 }
 
 int main(int argc, char **argv) {
-    frame_list l = {.n = 0};
-    fault f;
+    char path[MAX_PATH], line[1024];
     if (argc != 4)
-        die("usage: pad FROM/frames.csv TO N");
-    if (frames_load(&l, argv[1], 40000, &f))
-        die(f.text);
-    write_camera(&l, argv[2]);
-    FILE *csv = create(argv[2], "frames.csv");
-    fputs("index,file,utime,x,y,z,omega,theta,kappa\n", csv);
-    for (size_t i = 0; i < l.n && i < (size_t)atol(argv[3]); i++)
-        pad(&l, i, argv[2], csv);
-    frames_free(&l);
-    return fclose(csv) != 0;
+        die("usage: pad FROM TO N");
+    write_camera(argv[1], argv[2]);
+    snprintf(path, sizeof path, "%s/frames.csv", argv[1]);
+    FILE *list = fopen(path, "r"), *csv = create(argv[2], "frames.csv");
+    if (!list || !fgets(line, sizeof line, list))
+        die("there is no list");
+    fputs(line, csv);
+    for (int i = 0; i < atoi(argv[3]) && fgets(line, sizeof line, list); i++)
+        pad(argv[1], line, i, argv[2], csv);
+    return fclose(list) || fclose(csv);
 }

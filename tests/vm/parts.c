@@ -20,7 +20,6 @@
 
 #include "arris_plugin.h"
 #include "bytes.h"
-#include "image/frames.h"
 #include "image/picture.h"
 #include "pattern.h"
 
@@ -123,23 +122,22 @@ enum { WIDTH = 640, HEIGHT = 480, BUFFERS = 4, PATIENCE = 600 /* frames */ };
 struct vividloop {
     const char *location, *device;
     int fd;
-    frame_list frames;
+    int32_t frames;
     uint8_t *grey; /* all pictures */
     uint8_t *buffer[BUFFERS];
-    size_t next;      /* the picture that is out */
+    int32_t next;     /* the picture that is out */
     unsigned strange; /* frames since it was put out that are not it */
 };
 
 static int load(struct vividloop *v, fault *f) {
-    char path[FRAMES_PATH];
+    char path[4096];
     bytes file = {.data = NULL};
-    int r = frames_load(&v->frames, v->location, 40000, f);
-    v->grey = r == 0 ? malloc(v->frames.n * WIDTH * HEIGHT) : NULL;
-    for (size_t i = 0; r == 0 && i < v->frames.n; i++) {
+    int r = 0;
+    v->grey = malloc((size_t)v->frames * WIDTH * HEIGHT);
+    for (int32_t i = 0; r == 0 && i < v->frames; i++) {
         arris_image im = {ARRIS_GREY8, WIDTH, HEIGHT, WIDTH, NULL, v->grey + i * WIDTH * HEIGHT};
-        r = frames_path(&v->frames, v->frames.item[i].file, path, f);
-        if (r == 0)
-            r = bytes_read(&file, path, 1 << 24, f);
+        snprintf(path, sizeof path, "%s/%04d.pgm", v->location, i);
+        r = bytes_read(&file, path, 1 << 24, f);
         if (r == 0)
             r = picture_decode(file.data, file.n, &im, f);
     }
@@ -181,7 +179,7 @@ static bool open_output(struct vividloop *v) {
 }
 
 /* The last buffer that is queued stays out until there is another. */
-static bool put_out(struct vividloop *v, size_t i) {
+static bool put_out(struct vividloop *v, int32_t i) {
     struct v4l2_buffer b = buffer_of((unsigned)i % BUFFERS), done = buffer_of(0);
     while (ioctl(v->fd, VIDIOC_DQBUF, &done) == 0)
         ;
@@ -218,19 +216,19 @@ static unsigned differences(const struct vividloop *v, const arris_image *im) {
 static int loop_process(arris_stage *s, void *self, arris_frame *f) {
     struct vividloop *v = self;
     const arris_image *im = arris_layer_get(f, ARRIS_IMAGE);
-    if (v->next == v->frames.n)
+    if (v->next == v->frames)
         return ARRIS_DROP;
     if (v->next == 0 && v->strange == 0 && !put_out(v, 0))
         return arris_fail(s, ARRIS_E_IO, NULL, "cannot put out: %s", strerror(errno));
     unsigned n = differences(v, im);
     if (n && ++v->strange > PATIENCE)
-        return arris_fail(s, ARRIS_E_INPUT, NULL, "picture %zu comes back with %u other pixels",
+        return arris_fail(s, ARRIS_E_INPUT, NULL, "picture %d comes back with %u other pixels",
                           v->next, n);
     if (n)
         return ARRIS_DROP;
-    arris_frame_set(f, v->frames.item[v->next].index, arris_frame_utime(f));
+    arris_frame_set(f, v->next, arris_frame_utime(f));
     v->strange = 1;
-    if (++v->next == v->frames.n)
+    if (++v->next == v->frames)
         kill(getpid(), SIGINT); /* as a user ends a stream */
     else if (!put_out(v, v->next))
         return arris_fail(s, ARRIS_E_IO, NULL, "cannot put out: %s", strerror(errno));
@@ -240,15 +238,15 @@ static int loop_process(arris_stage *s, void *self, arris_frame *f) {
 static void loop_close(arris_stage *s, void *self) {
     (void)s;
     struct vividloop *v = self;
-    printf("vividloop: %zu of %zu came back bit for bit\n", v->next, v->frames.n);
-    frames_free(&v->frames);
+    printf("vividloop: %d of %d came back bit for bit\n", v->next, v->frames);
     free(v->grey);
     if (v->fd > 0)
         close(v->fd);
 }
 
 static const arris_prop loop_table[] = {
-    ARRIS_P_INFILE(struct vividloop, location, "location", NULL, "the recording's frames.csv"),
+    ARRIS_P_INFILE(struct vividloop, location, "location", NULL, "the folder of pad's pictures"),
+    ARRIS_P_INT(struct vividloop, frames, "frames", "120", 1, 1000, NULL, "how many there are"),
     ARRIS_P_STRING(struct vividloop, device, "device", NULL, "vivid's output"),
 };
 static const arris_stage_desc vividloop = {
@@ -258,7 +256,7 @@ static const arris_stage_desc vividloop = {
     .layers = {.needs = ARRIS_BIT(ARRIS_IMAGE)},
     .self_size = sizeof(struct vividloop),
     .props = loop_table,
-    .n_props = 2,
+    .n_props = sizeof loop_table / sizeof *loop_table,
     .setup = loop_setup,
     .process = loop_process,
     .close = loop_close,
