@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * pixels.c: camera pixels to grey, 16 pixels at a time. Samples of more than 8 bits come with the
+ * pixels.c: camera pixels to grey, many at a time. Samples of more than 8 bits come with the
  * low byte first, which is how the machines that we run on have them too.
  */
 #include "pixels.h"
@@ -8,12 +8,13 @@
 #include <string.h>
 #include <turbojpeg.h>
 
+#include "edges/path.h"
+
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "16 bit samples need their bytes turned");
 
 enum { LANES = 16 };
 typedef uint8_t bytes16 __attribute__((vector_size(LANES)));
 typedef uint16_t words16 __attribute__((vector_size(2 * LANES)));
-typedef uint32_t longs16 __attribute__((vector_size(4 * LANES)));
 
 /* ---- rows ------------------------------------------------------------------------------------ */
 
@@ -75,9 +76,22 @@ static void row_y12(const uint8_t *in, uint8_t *out, int32_t width) {
 }
 
 /* 0.299 R + 0.587 G + 0.114 B in 16 bits of fraction, as libjpeg has it. */
+INLINE void luma(const uint8_t *restrict in, uint8_t *restrict out, int32_t width) {
+    for (int32_t x = 0; x < width; x++)
+        out[x] = (uint8_t)((19595u * in[3 * x] + 38470u * in[3 * x + 1] + 7471u * in[3 * x + 2] +
+                            32768u) >>
+                           16);
+}
+
+AVX2_PATH static void luma_avx2(const uint8_t *in, uint8_t *out, int32_t width) {
+    luma(in, out, width);
+}
+
 static void row_rgb3(const uint8_t *in, uint8_t *out, int32_t width) {
-    for (int32_t x = 0; x < width; x++, in += 3)
-        out[x] = (uint8_t)((19595u * in[0] + 38470u * in[1] + 7471u * in[2] + 32768u) >> 16);
+    if (path_available(PATH_AVX2))
+        luma_avx2(in, out, width);
+    else
+        luma(in, out, width);
 }
 
 /* ---- the table ------------------------------------------------------------------------------- */

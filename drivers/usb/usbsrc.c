@@ -134,7 +134,7 @@ static void count(arris_stage *s, struct usbsrc *u) {
     arris_count(s, "short", c->shorter - t->shorter);
     arris_count(s, "overlong", c->longer - t->longer);
     arris_count(s, "wrong id", c->wrong_id - t->wrong_id);
-    arris_count(s, "left", c->dropped - t->dropped);
+    arris_count(s, "overrun", c->dropped - t->dropped);
     arris_count(s, "stalls", u->camera.stalls - u->stalls);
     *t = *c;
     u->stalls = u->camera.stalls;

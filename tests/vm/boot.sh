@@ -39,7 +39,11 @@ fetch_kernel() {
     local package release image at
     rm -rf "$cache/new"
     mkdir -p "$cache/new"
-    package=$(apt-cache depends linux-image-amd64 2>/dev/null | awk '/Depends: linux-image-[0-9]/ {print $2; exit}')
+    kernel_package() {
+        apt-cache depends linux-image-amd64 2>/dev/null | awk '/Depends: linux-image-[0-9]/ {print $2; exit}'
+    }
+    package=$(kernel_package)
+    [ -n "$package" ] || { apt-get -qq update || true; package=$(kernel_package); }
     [ -n "$package" ] || skip "apt knows no package linux-image-amd64"
     (cd "$cache/new" && apt-get -qq -o APT::Sandbox::User=root download "$package") ||
         skip "the package $package cannot be downloaded"

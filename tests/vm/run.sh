@@ -24,7 +24,7 @@ mkdir -p "$pack/lib/arris"
 cp "$B/arris" "$B"/tests/vm/{usbcam,pad} tests/vm/guest.sh "$pack"
 cp -L "$B/lib/libarris.so.1" "$pack/lib"
 for stage in v4l2src usbsrc imagesrc pose edges undistort segments track reconstruct filesink; do
-    so=$(plugin_of $stage)
+    so=$(plugin_of $stage) || { echo "run.sh: no plugin in $B has the stage $stage" >&2 && exit 1; }
     cp "$so" "${so%.so}.stages" "$pack/lib/arris"
 done
 cp "$B/tests/vm/parts.so" "$pack/lib/arris"
