@@ -20,22 +20,23 @@ enum { HEIGHT = 3, MOST = 150, JPEG_WIDTH = 41, JPEG_HEIGHT = 23 };
 
 /* The grey level of pixel x in a row, as the formats' definitions have it. */
 static unsigned defined(const char *name, const uint8_t *row, int x) {
-    unsigned word = (unsigned)(row[2 * x] | row[2 * x + 1] << 8);
     if (strcmp(name, "GREY") == 0 || strcmp(name, "NV12") == 0)
         return row[x];
     if (strcmp(name, "YUYV") == 0)
         return row[2 * x];
     if (strcmp(name, "UYVY") == 0)
         return row[2 * x + 1];
+    if (strcmp(name, "RGB3") == 0) {
+        const uint8_t *p = row + 3 * x;
+        return (19595u * p[0] + 38470u * p[1] + 7471u * p[2] + 32768u) >> 16;
+    }
+    unsigned word = (unsigned)(row[2 * x] | row[2 * x + 1] << 8);
     if (strcmp(name, "Y16") == 0)
         return word;
     if (strcmp(name, "Y10") == 0) /* the upper six bits are not the sample's */
         return (word & 1023) << 6 | (word & 1023) >> 4;
-    if (strcmp(name, "Y12") == 0)
-        return (word & 4095) << 4 | (word & 4095) >> 8;
-    assert_string_equal(name, "RGB3");
-    const uint8_t *p = row + 3 * x;
-    return (19595u * p[0] + 38470u * p[1] + 7471u * p[2] + 32768u) >> 16;
+    assert_string_equal(name, "Y12");
+    return (word & 4095) << 4 | (word & 4095) >> 8;
 }
 
 static uint8_t *noise(size_t n) {
