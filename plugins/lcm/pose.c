@@ -104,6 +104,7 @@ static void count_events(struct pose *p) {
 
 static void from_robot(struct pose *p, int64_t utime, int64_t arrival, arris_pose *out) {
     timed_pose t;
+    link_start(p->link);
     pthread_mutex_lock(&p->mutex);
     enum timeline_answer a = await(p, utime, arrival, &t);
     if (a == TIMELINE_FOUND) {

@@ -8,7 +8,6 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 B=${B:-build}
 seconds=${1:-60}
-export LD_LIBRARY_PATH="$B/lib"
 export LCM_DEFAULT_URL='udpm://239.255.76.67:7667?ttl=0&recv_buf_size=4194304'
 
 if [ -z "${ARRIS_CELL:-}" ]; then
@@ -26,12 +25,18 @@ mkdir -p "$out"
 trap 'kill $(jobs -p) 2>/dev/null || true' EXIT
 chain=(edges ! undistort ! segments ! track ! reconstruct)
 camera=samples/cell/camera.json
+patience=$((seconds + 60))
 
 "$B/arris-robot" --driver sim --home=-270,-40,0 --space=-300,300,-100,100,-50,50 & robot=$!
 "$B/arris-robot" --speed 100 home
 lcm-logger --quiet --channel='ARRIS_IMAGE|ROBOT_STATE' "$out/run.lcmlog" & logger=$!
-"$B/cell-watch" > "$out/watch.txt" & watch=$!
-"$B/subscriber" > "$out/subscriber.txt" & subscriber=$!
+timeout $patience "$B/cell-watch" > "$out/watch.txt" & watch=$!
+timeout $patience "$B/subscriber" > "$out/subscriber.txt" & subscriber=$!
+python=
+if [ -e "$B/venv/lcm" ]; then
+    PYTHONPATH=$B/python timeout $patience "$B/venv/bin/python3" samples/subscriber/subscriber.py \
+        > "$out/python.txt" & python=$!
+fi
 "$B/arris" launch --stats lcmsrc camera=$camera format=grey8 ! queue leaky=oldest max-frames=8 \
     ! pose ! "${chain[@]}" ! tee name=t \
     t. ! lcmsink preview=5 segments=10 t. ! filesink location="$out/lines.json" > "$out/stats.txt" & pipeline=$!
@@ -50,12 +55,16 @@ done
 kill -INT $eye; wait $eye
 sleep 0.5
 kill -INT $pipeline; wait $pipeline
-wait $subscriber
+wait $subscriber $python
 result=0
 wait $watch || result=1
 kill $logger; wait $logger || true
 kill $robot; wait $robot
 
+if [ -n "$python" ] && ! cmp -s <(grep -v ^frame "$out/subscriber.txt") <(grep -v ^frame "$out/python.txt"); then
+    echo "the subscribers in C and in Python do not agree: $out/subscriber.txt, $out/python.txt"
+    result=1
+fi
 grep '^frame' "$out/subscriber.txt" | sed -n '1~5p'
 cat "$out/watch.txt"
 "$B/arris" launch lcmsrc url="file://$out/run.lcmlog" camera=$camera ! pose url="file://$out/run.lcmlog" \

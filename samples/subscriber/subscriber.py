@@ -33,6 +33,6 @@ lc = lcm.LCM()  # LCM_DEFAULT_URL, or multicast on this machine
 lc.subscribe("ARRIS_LINES", on_lines)
 while not ended:
     lc.handle()
-for number, (state, p, q) in sorted(lines.items()):
+for number, (state, p, q) in lines.items():
     if state == arris.lines_t.MEASURED:
-        print(f"{number:4d}  " + " ".join(f"{v:8.2f}" for v in (*p, *q)))
+        print(f"{number:4d}  " + "   ".join(" ".join(f"{v:8.2f}" for v in end) for end in (p, q)))
