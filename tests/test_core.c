@@ -387,6 +387,18 @@ static void counters_are_shown(void **state) {
     assert_non_null(strstr(run.stats, "30 frames in"));
 }
 
+static void trouble_is_told_while_it_lasts(void **state) {
+    (void)state;
+    play("testsrc frames=30 ! testmap ! testtrouble from=10 to=20 ! fakesink");
+    assert_int_equal(run.errors, 0);
+    assert_null(run.progress.trouble);
+    assert_null(strstr(run.stats, "all is lost"));
+    play("testsrc frames=30 ! testmap ! testtrouble from=10 to=99 ! fakesink");
+    assert_int_equal(run.errors, 0);
+    assert_string_equal(run.progress.trouble, "all is lost");
+    assert_non_null(strstr(run.stats, "all is lost"));
+}
+
 /* The frames of fakesrc are 40 ms apart, 25 in a second. */
 static void rate_follows_the_frames_own_time(void **state) {
     (void)state;
@@ -737,6 +749,7 @@ int main(void) {
         cmocka_unit_test(a_stage_drops_frames),
         cmocka_unit_test(a_drop_in_a_branch_is_its_own),
         cmocka_unit_test(counters_are_shown),
+        cmocka_unit_test(trouble_is_told_while_it_lasts),
         cmocka_unit_test(rate_follows_the_frames_own_time),
         cmocka_unit_test(late_frames_are_dropped),
         cmocka_unit_test(an_error_ends_the_stream_and_all_finish),

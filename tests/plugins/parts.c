@@ -228,6 +228,47 @@ static const arris_stage_desc testfail = {
     .finish = testfail_finish,
 };
 
+/* ---- testtrouble: is in trouble from a frame to another, and looks how the stream goes then ---
+ */
+
+struct testtrouble {
+    int32_t from, to;
+};
+
+static void find_odd(void *user, const char *stage, const char *name, uint64_t n) {
+    if (strcmp(stage, "testmap") == 0 && strcmp(name, "odd") == 0)
+        *(uint64_t *)user = n;
+}
+
+static int testtrouble_process(arris_stage *s, void *self, arris_frame *f) {
+    const struct testtrouble *t = self;
+    int64_t i = (int64_t)arris_frame_seq(f);
+    bool troubled = i >= t->from && i < t->to;
+    uint64_t odd = 0;
+    arris_trouble(s, troubled ? "all is lost" : NULL);
+    arris_progress p = arris_stage_progress(s);
+    arris_each_counter(s, find_odd, &odd);
+    bool told = p.trouble && strcmp(p.troubled, arris_stage_name(s)) == 0;
+    if (told != troubled || odd != (uint64_t)(i + 1) / 2 || p.frames != (uint64_t)i + 1 ||
+        p.seconds <= 0 || arris_frame_arrival(f) > arris_now())
+        return arris_fail(s, ARRIS_E_INTERNAL, NULL, "it does not see how the stream goes");
+    return 0;
+}
+
+static const arris_prop testtrouble_table[] = {
+    ARRIS_P_INT(struct testtrouble, from, "from", "0", 0, 1e9, NULL, "the first frame"),
+    ARRIS_P_INT(struct testtrouble, to, "to", "0", 0, 1e9, NULL, "the frame after the last"),
+};
+static const arris_stage_desc testtrouble = {
+    .size = sizeof(arris_stage_desc),
+    .name = "testtrouble",
+    .summary = "is in trouble for a while",
+    .self_size = sizeof(struct testtrouble),
+    .props = testtrouble_table,
+    .n_props = 2,
+    .process = testtrouble_process,
+};
+
 /* ---- testgive: gives user1, the frame's number from 1; may forget to reserve it ----------------
  */
 
@@ -393,4 +434,5 @@ static const arris_command_desc testwords = {sizeof(arris_command_desc), "testwo
 static const arris_command_desc *const commands[] = {&testwords, NULL};
 
 ARRIS_PLUGIN_COMMANDS("parts", "LGPL-2.1-or-later", commands, &testsrc, &testahead, &testmap.desc,
-                      &testdrop, &testhold, &testfail, &testgive, &testask, &testnote);
+                      &testdrop, &testhold, &testfail, &testtrouble, &testgive, &testask,
+                      &testnote);
