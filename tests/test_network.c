@@ -153,7 +153,8 @@ static stand *running(void) {
     assert_non_null(t.w.link);
     assert_int_equal(link_subscribe(t.w.link, "ARRIS_STATUS", 64, on_status, NULL, &t.s, &f), 0);
     pthread_create(&t.w.thread, NULL, turn, &t.w);
-    t.p = arris_begin(NULL, -1, "launch --stats lcmsrc ! pose ! lcmsink status=10");
+    t.p = arris_begin(NULL, -1,
+                      "launch --stats lcmsrc ! pose max-gap=400 wait=400 ! lcmsink status=10");
     await_trouble(&t.s, "");
     await_frames(&t.s, 5);
     return &t;

@@ -38,7 +38,7 @@ if [ -e "$B/venv/lcm" ]; then
         > "$out/python.txt" & python=$!
 fi
 "$B/arris" launch --stats lcmsrc camera=$camera format=grey8 ! queue leaky=oldest max-frames=8 \
-    ! pose ! "${chain[@]}" ! tee name=t \
+    ! pose wait=500 ! "${chain[@]}" ! tee name=t \
     t. ! lcmsink preview=5 segments=10 t. ! filesink location="$out/lines.json" > "$out/stats.txt" & pipeline=$!
 sleep 0.5
 "$B/arris" launch --stats scenesrc location=samples/cell/box.obj camera=$camera robot=default fps="${CELL_FPS:-30}" \
