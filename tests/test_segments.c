@@ -726,6 +726,39 @@ static double gamma_level(const void *scene, double x, double y) {
     return 255 * pow(fmax(0, strip_level(scene, x, y)) / 255, 1 / 2.2);
 }
 
+/* The odd rows were taken later, when the edge had moved by this along x. */
+typedef struct interlaced {
+    strip s;
+    double moved;
+} interlaced;
+
+static double interlaced_level(const void *scene, double x, double y) {
+    const interlaced *c = scene;
+    return strip_level(&c->s, x - ((int)y % 2 ? c->moved / 2 : -c->moved / 2), y);
+}
+
+/* The line is that in between, and owns up to the comb that it is. */
+static void interlace_is_no_bias(void **state) {
+    (void)state;
+    bench b = bench_new(160, 160, ARRIS_GREY8, NULL);
+    double mean = 0, nees = 0;
+    for (int i = 0; i < 200; i++) {
+        interlaced c = {strip_anywhere(160, 160, 80, 120, &b.seed), 0.8};
+        picture_draw(&b.image, interlaced_level, &c, 2, &b.seed);
+        edges_clear(&b.edges);
+        chain_along(&b.edges, &c.s, -38, 38, 0.3, &b.seed);
+        b.edges.noise = 2.02f;
+        bench_run(&b);
+        const arris_segment *g = strip_find(&c.s, &b.segments);
+        assert_non_null(g);
+        strip_error e = strip_compare(&c.s, g);
+        mean += e.offset / 200, nees += e.nees / 200;
+    }
+    assert_within(mean, -0.004, 0.004);
+    assert_true(nees < 1.5);
+    bench_free(&b);
+}
+
 static void gamma_and_clipping(void **state) {
     (void)state;
     bench b = bench_new(160, 160, ARRIS_GREY8, NULL);
@@ -1215,6 +1248,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(fading_along_is_no_bias),
         cmocka_unit_test(defocus_is_measured),
         cmocka_unit_test(motion_blur_is_no_bias),
+        cmocka_unit_test(interlace_is_no_bias),
         cmocka_unit_test(gamma_and_clipping),
         cmocka_unit_test(bent_lines),
         cmocka_unit_test(foreign_camera),
