@@ -61,8 +61,15 @@ int arris_view_plane(const arris_camera *c, const arris_pose *pose, const double
  * parameter along the line, mm from X. NAN when they are parallel to within 1e-9 rad. */
 double arris_line_at(const double X[3], const double u[3], const double C[3], const double d[3]);
 
-double arris_dot(const double a[3], const double b[3]);
-void arris_cross(const double a[3], const double b[3], double c[3]);
+static inline double arris_dot(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+static inline void arris_cross(const double a[3], const double b[3], double c[3]) {
+    double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+    c[0] = x;
+    c[1] = y;
+}
 /* Scales v to unit length and returns the length it had; a zero vector is left as it is. */
 double arris_unit(double v[3]);
 

@@ -11,17 +11,6 @@
 
 /* ---- vectors -------------------------------------------------------------------------------- */
 
-double arris_dot(const double a[3], const double b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-void arris_cross(const double a[3], const double b[3], double c[3]) {
-    double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-    c[0] = x;
-    c[1] = y;
-}
-
 double arris_unit(double v[3]) {
     double n = sqrt(arris_dot(v, v));
     if (n > 0)

@@ -57,15 +57,21 @@ static int ascending(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* The median, over the kept views, of the squared Mahalanobis distance. */
-static double median_distance(const line *l, const frame *f, const scene *s) {
+/* The median, over the kept views, of the squared Mahalanobis distance; `most` when it is not below
+ * that, which half of the views tell. */
+static double median_distance(const line *l, const frame *f, const scene *s, double most) {
     double d[LINE_KEPT];
     linear r;
-    for (uint32_t i = 0; i < l->n_kept; i++)
-        d[i] = view_linearise(&l->kept[i], f, ORIGIN, &s->noise, &r) ? linear_distance(&r, NULL)
-                                                                     : (double)INFINITY;
-    qsort(d, l->n_kept, sizeof *d, ascending);
-    return d[l->n_kept / 2];
+    uint32_t n = l->n_kept, near = 0;
+    for (uint32_t i = 0; i < n; i++) {
+        bool ahead = view_linearise(&l->kept[i], f, ORIGIN, &s->noise, &r);
+        d[near] = ahead ? linear_distance(&r, NULL) : (double)INFINITY;
+        near += d[near] < most;
+        if (n - 1 - i + near <= n / 2)
+            return most;
+    }
+    qsort(d, near, sizeof *d, ascending);
+    return d[n / 2];
 }
 
 static double distance_from(const frame *f, const double C[3]) {
@@ -81,7 +87,7 @@ bool line_start(line *l, const scene *s) {
             frame f;
             if (!meet(&l->kept[i], &l->kept[(i + far) % n], &f))
                 continue;
-            double d = median_distance(l, &f, s);
+            double d = median_distance(l, &f, s, best);
             if (d < best)
                 best = d, l->f = f;
         }

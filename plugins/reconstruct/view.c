@@ -107,13 +107,18 @@ void frame_point(const frame *f, const double x[4], double s, double P[3]) {
         P[i] += s * D[i];
 }
 
-/* arris_line_at counts in units of the direction that it is given. */
+/* As arris_line_at has it, in units of D. */
 static double place(const view *v, const double C[3], const double M[3], const double D[3],
                     double px) {
-    double d[3];
-    for (int i = 0; i < 3; i++)
+    double d[3], w[3], n[3], m[3];
+    for (int i = 0; i < 3; i++) {
         d[i] = v->ray[i] + px * v->step[i];
-    return arris_line_at(M, D, C, d);
+        w[i] = C[i] - M[i];
+    }
+    arris_cross(D, d, n);
+    arris_cross(w, d, m);
+    double s2 = arris_dot(n, n);
+    return s2 > 1e-18 ? arris_dot(m, n) / s2 : (double)NAN;
 }
 
 double view_place(const view *v, const frame *f, const double x[4], double px) {

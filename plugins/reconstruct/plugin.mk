@@ -1,0 +1,1 @@
+reconstruct_CFLAGS := -O3 -fno-math-errno -fno-trapping-math
