@@ -40,3 +40,12 @@ test_usb_CFLAGS := -Itests
 bench_pixels_uses := camera
 bench_pixels_PKGS := libturbojpeg
 fuzz_uvc_uses := usb camera
+
+bench_chain_uses := image
+$(B)/bench/bench_chain: $(patsubst %,$(B)/obj/%.o,$(wildcard samples/experiments/common/*.c)) \
+        | $(B)/bench/plugins/rival.so
+rival_CFLAGS := -isystem /usr/include/opencv4 -Wno-missing-field-initializers
+$(B)/bench/plugins/rival.so: $(B)/obj/tests/bench/plugins/rival.cc.o $(B)/lib/libarris.so.1
+	@mkdir -p $(@D)
+	$(call say,MAKE,$@)
+	$(Q)$(CXX) -shared -o $@ $< -L$(B)/lib -larris $(ldflags) -lopencv_core -lopencv_imgproc

@@ -125,6 +125,7 @@ static entry *begin(scan *s, int32_t track) {
     entry *e = s->alive[s->n++];
     line_begin(&e->l, track);
     prepare(s, e, track);
+    e->l.next_fit = (uint32_t)s->p.min_views; /* nothing is told of it before */
     return e;
 }
 
