@@ -170,6 +170,10 @@ const char *arris_stage_name(const arris_stage *s);
 /* Whether `layer` reaches this stage; from settle on. Any thread. */
 bool arris_has(const arris_stage *s, enum arris_layer layer);
 
+/* Whether a stage downstream needs or wants `layer` as this stage gives it; from setup on. Any
+ * thread. */
+bool arris_wanted(const arris_stage *s, enum arris_layer layer);
+
 /* In setup: reserves the buffers of a layer that the stage gives, for all frames that can be in
  * flight. Capacities by layer: IMAGE and FLOW take the size of the stage's outgoing caps and
  * ignore both numbers; EDGES n points, m chains; VERDICT n features, m lines; SEGMENTS, TRACKS,

@@ -73,7 +73,8 @@ typedef struct arris_caps {
     X(LINES, "lines", arris_lines, "3D lines with covariance")                                     \
     X(CORNERS, "corners", arris_corners, "sub-pixel corner points")                                \
     X(FLOW, "flow", arris_flow, "how far every pixel has moved since the frame before")            \
-    X(VERDICT, "verdict", arris_verdict, "nominal edges compared with the measured lines")
+    X(VERDICT, "verdict", arris_verdict, "nominal edges compared with the measured lines")         \
+    X(GUIDE, "guide", arris_guide, "where known lines are, that `edges` did not look for")
 
 enum arris_layer {
 #define X(NAME, name, type, what) ARRIS_##NAME,
@@ -144,7 +145,7 @@ typedef struct arris_segment {
     float lo, hi;          /* grey levels */
     float blur;            /* sigma of the blurred step, px; 0: unknown */
     float chi2;            /* of the fit, per degree of freedom; 0: unknown */
-    uint32_t chain;        /* of the edges layer it was made from */
+    uint32_t chain;        /* of the edges layer it was made from; UINT32_MAX: found by the guide */
 } arris_segment;
 
 typedef struct arris_segments {
@@ -176,6 +177,7 @@ typedef struct arris_line {
     double p[3], q[3];             /* the ends, mm */
     double cov[21];                /* 6x6 of (p, q), upper triangle row by row, mm² */
     uint32_t views;
+    uint32_t seen;   /* `frames` when it was last seen where it was expected; 0: never */
     double baseline; /* mm, between the outermost camera centres that saw it */
     double rms;      /* px, of the ends of its segments */
 } arris_line;
@@ -236,6 +238,22 @@ typedef struct arris_verdict {
     arris_feature *item;
     int32_t *extra; /* ids of lines */
 } arris_verdict;
+
+/* What a known line should look like in this frame, from (x1, y1) to (x2, y2) with the brighter
+ * side on the right, by its 3D estimate and the frame's pose. */
+typedef struct arris_foreseen {
+    int32_t line;          /* the id */
+    double x1, y1, x2, y2; /* px */
+    double sigma;          /* px, across it */
+} arris_foreseen;
+
+/* Known lines that `edges` left out, or may have: who makes segments looks at the picture there. */
+typedef struct arris_guide {
+    uint32_t n, max, lost;
+    const arris_camera *camera; /* without a lens: the coordinates are ideal pixels */
+    float step;                 /* grey levels: the least that counts as an edge */
+    arris_foreseen *item;
+} arris_guide;
 
 /* ---- how the stream goes --------------------------------------------------------------------- */
 

@@ -87,6 +87,17 @@ bool arris_has(const arris_stage *s, enum arris_layer layer) {
     return layer < ARRIS_MAX_LAYERS && (s->have & ARRIS_BIT(layer));
 }
 
+bool arris_wanted(const arris_stage *s, enum arris_layer layer) {
+    for (size_t i = 0; i < s->n_out; i++) {
+        const arris_layers *l = &s->out[i]->layers;
+        if ((l->needs | l->wants) & ARRIS_BIT(layer))
+            return true;
+        if (!(l->gives & ARRIS_BIT(layer)) && arris_wanted(s->out[i], layer))
+            return true;
+    }
+    return false;
+}
+
 void arris_set_live(arris_stage *s, bool live) {
     s->live = live;
 }

@@ -58,6 +58,7 @@ static void items(enum arris_layer layer, size_t *a, size_t *b) {
          : layer == ARRIS_LINES    ? sizeof(arris_line)
          : layer == ARRIS_CORNERS  ? sizeof(arris_corner)
          : layer == ARRIS_VERDICT  ? sizeof(arris_feature)
+         : layer == ARRIS_GUIDE    ? sizeof(arris_foreseen)
          : layer >= ARRIS_USER0    ? 1
                                    : 0;
     *b = layer == ARRIS_EDGES ? sizeof(arris_chain) : layer == ARRIS_VERDICT ? sizeof(int32_t) : 0;
@@ -116,6 +117,9 @@ void layer_init(enum arris_layer layer, void *data, const arris_caps *caps, size
     case ARRIS_CORNERS:
         *(arris_corners *)data = (arris_corners){.max = (uint32_t)n, .item = (void *)array};
         break;
+    case ARRIS_GUIDE:
+        *(arris_guide *)data = (arris_guide){.max = (uint32_t)n, .item = (void *)array};
+        break;
     case ARRIS_FLOW:
         init_flow(data, array, caps);
         break;
@@ -166,6 +170,11 @@ void layer_reset(enum arris_layer layer, void *data) {
     case ARRIS_CORNERS: {
         arris_corners *c = data;
         *c = (arris_corners){.max = c->max, .item = c->item};
+        break;
+    }
+    case ARRIS_GUIDE: {
+        arris_guide *g = data;
+        *g = (arris_guide){.max = g->max, .item = g->item};
         break;
     }
     case ARRIS_FLOW:

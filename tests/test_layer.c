@@ -117,6 +117,7 @@ AT(arris_line, p, 16);
 AT(arris_line, q, 40);
 AT(arris_line, cov, 64);
 AT(arris_line, views, 232);
+AT(arris_line, seen, 236);
 AT(arris_line, baseline, 240);
 AT(arris_line, rms, 248);
 
@@ -128,6 +129,20 @@ AT(arris_lines, frames, 12);
 AT(arris_lines, scale_sigma, 16);
 AT(arris_lines, pose_sigma, 24);
 AT(arris_lines, item, 32);
+
+SIZE(arris_foreseen, 48, 8);
+AT(arris_foreseen, line, 0);
+AT(arris_foreseen, x1, 8);
+AT(arris_foreseen, y2, 32);
+AT(arris_foreseen, sigma, 40);
+
+SIZE(arris_guide, 40, 8);
+AT(arris_guide, n, 0);
+AT(arris_guide, max, 4);
+AT(arris_guide, lost, 8);
+AT(arris_guide, camera, 16);
+AT(arris_guide, step, 24);
+AT(arris_guide, item, 32);
 
 SIZE(arris_prop, 72, 8);
 AT(arris_prop, name, 0);
@@ -210,7 +225,7 @@ _Static_assert(sizeof(enum arris_format) == 4 && sizeof(enum arris_type) == 4, "
 
 _Static_assert(ARRIS_IMAGE == 0 && ARRIS_POSE == 1 && ARRIS_EDGES == 2 && ARRIS_SEGMENTS == 3 &&
                    ARRIS_TRACKS == 4 && ARRIS_LINES == 5 && ARRIS_CORNERS == 6 && ARRIS_FLOW == 7 &&
-                   ARRIS_VERDICT == 8 && ARRIS_USER0 == 24,
+                   ARRIS_VERDICT == 8 && ARRIS_GUIDE == 9 && ARRIS_USER0 == 24,
                "layers are only appended");
 _Static_assert(ARRIS_GREY8 == 1 && ARRIS_GREY16 == 2, "formats");
 _Static_assert(ARRIS_MEASURED == 0 && ARRIS_WEAK == 1 && ARRIS_UNOBSERVABLE == 2, "states");
@@ -312,6 +327,7 @@ static void tables(void **state) {
     TABLE_OF(TRACKS, arris_tracks, total);
     TABLE_OF(LINES, arris_lines, scale_sigma);
     TABLE_OF(VERDICT, arris_verdict, tolerance);
+    TABLE_OF(GUIDE, arris_guide, step);
 }
 
 static void verdicts(void **state) {
