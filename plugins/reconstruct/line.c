@@ -245,7 +245,7 @@ void line_fit(line *l, const scene *s) {
         fit_from_start(l, s);
     }
     l->rejected = 0;
-    l->next_fit = l->seen + 1 + l->seen / 4;
+    l->next_fit = l->seen + 1 + l->seen / 2;
 }
 
 /* Drops every second kept view. */

@@ -17,6 +17,7 @@ typedef struct entry {
     arris_line out;
     bool tracked;         /* by a track that is alive */
     bool changed;         /* got a view in this frame */
+    bool agreed;          /* that was where it was expected */
     bool listed;          /* told of */
     bool leaving;         /* merged or retired; gone with the next frame */
     bool judged;          /* whether to split it */
@@ -170,8 +171,10 @@ void scan_add(scan *s, int32_t track, view *v) {
     linear r;
     view here = *v;
     here.frame = s->frames;
-    if (line_add(&e->l, &here, &s->scene, &r) && e->l.all.n > ESTABLISHED)
+    bool taken = line_add(&e->l, &here, &s->scene, &r);
+    if (taken && e->l.all.n > ESTABLISHED)
         e->residual = noise_add(&s->noise, v, &r, e->before);
+    e->agreed |= taken;
     e->changed = true;
 }
 
@@ -302,6 +305,8 @@ static void tell(scan *s, entry *e) {
     }
     if (out.views > s->frames)
         out.views = s->frames;
+    if (e->agreed)
+        out.seen = s->frames;
     bool other = out.state != e->out.state;
     e->out = out;
     e->out.change = !e->listed ? ARRIS_ADDED : other || moved(e) ? ARRIS_MOVED : ARRIS_SAME;
@@ -398,7 +403,7 @@ static void next_frame(scan *s) {
         entry *e = s->alive[i];
         e->before = e->residual;
         e->residual = 0;
-        e->tracked = e->changed = false;
+        e->tracked = e->changed = e->agreed = false;
     }
 }
 
