@@ -23,6 +23,7 @@ $(test_shared): $(B)/tests/%.so: $(B)/obj/tests/%.c.o
 	$(call say,MAKE,$@)
 	$(Q)$(CC) -shared -o $@ $< $(ldflags) -ldl
 
+test_guide_uses := edges segments
 test_segments_uses := edges
 bench_accuracy_uses := edges segments
 bench_edges_uses := edges segments

@@ -17,6 +17,8 @@ static const double LOW = 6, HIGH = 7.5;
 /* The least they are, as shares of white: the gradient of a step of 10 levels in 255 behind a lens
  * that blurs by 0.8 px is above them, and what rounding makes of a ramp is not. */
 static const double FLOOR_LOW = 2.25 / 255, FLOOR_HIGH = 2.6 / 255;
+/* px: the blur of a common lens, with the box of the pixel. */
+static const double LENS = 0.85;
 /* How many times the noise of pixels smeared noise can be; what is more is texture. */
 static const double SMEARED = 3;
 
@@ -26,6 +28,8 @@ struct canny {
     edgels e;
     linker l;
     enum path path;
+    float noise;      /* of the last whole picture, grey levels */
+    double low, high; /* its thresholds, grey levels per px */
 };
 
 size_t canny_max_points(int width, int height) {
@@ -81,39 +85,64 @@ static int32_t least(int32_t a, int32_t b) {
     return a < b ? a : b;
 }
 
-/* The part of `im` that lies in the region of interest. */
-static arris_image crop(const arris_image *im, const canny_params *p) {
+/* The part of `im` that lies in a region; width 0: all of it. */
+static arris_image crop(const arris_image *im, const canny_region *r) {
     arris_image part = *im;
-    if (p->width == 0)
+    if (r->width == 0)
         return part;
-    int x0 = least(p->x, im->width), y0 = least(p->y, im->height);
-    part.width = least(p->width, im->width - x0);
-    part.height = least(p->height, im->height - y0);
+    int x0 = least(r->x, im->width), y0 = least(r->y, im->height);
+    part.width = least(r->width, im->width - x0);
+    part.height = least(r->height, im->height - y0);
     part.data += y0 * im->stride + x0 * (int)im->format;
     return part;
 }
 
-/* Sets the thresholds, grey levels per px, where they are automatic. `noise` is that of a pixel. */
-static void set_thresholds(const canny *c, const arris_image *im, int white, double noise,
-                           double *low, double *high) {
-    double g = fmin(noise_of_gradients(im, white, c->p.sigma), SMEARED * noise);
+/* Sets the thresholds where they are automatic. */
+static void set_thresholds(canny *c, const arris_image *im, int white) {
+    double g = fmin(noise_of_gradients(im, white, c->p.sigma), SMEARED * (double)c->noise);
     g *= gradient_noise(&c->g);
-    *low = c->p.low >= 0 ? c->p.low : fmax(LOW * g, FLOOR_LOW * white);
-    *high = c->p.high >= 0 ? c->p.high : fmax(fmax(HIGH * g, FLOOR_HIGH * white), *low);
-    *low = fmin(*low, *high);
+    c->low = c->p.low >= 0 ? c->p.low : fmax(LOW * g, FLOOR_LOW * white);
+    c->high = c->p.high >= 0 ? c->p.high : fmax(fmax(HIGH * g, FLOOR_HIGH * white), c->low);
+    c->low = fmin(c->low, c->high);
+}
+
+static void begin(const canny *c, const arris_image *im, arris_edges *out) {
+    out->n = out->lost = out->n_chains = out->lost_chains = 0;
+    out->camera = im->camera;
+    out->noise = c->noise;
+}
+
+/* Appends the chains of a part of the picture that begins at (x, y). */
+static void add_chains(canny *c, const arris_image *part, int shift, int x, int y,
+                       arris_edges *out) {
+    gradient_edgels(&c->g, part, shift, (float)(c->low / gradient_unit(shift)), (float)x, (float)y,
+                    &c->e, c->path);
+    link_edgels(&c->l, &c->e, part->height, c->path);
+    link_chains(&c->l, &c->e, (float)c->high, (uint32_t)c->p.min_length, out);
+    out->lost += c->e.lost;
 }
 
 void canny_run(canny *c, const arris_image *im, arris_edges *out) {
-    arris_image part = crop(im, &c->p);
+    canny_region roi = {c->p.x, c->p.y, c->p.width, c->p.height};
+    arris_image part = crop(im, &roi);
     int shift = gradient_shift(&part), white = (1 << (GRADIENT_BITS - shift)) - 1;
-    double low, high;
-    out->n = out->lost = out->n_chains = out->lost_chains = 0;
-    out->camera = im->camera;
-    out->noise = noise_of_pixels(&part, white);
-    set_thresholds(c, &part, white, out->noise, &low, &high);
-    gradient_edgels(&c->g, &part, shift, (float)(low / gradient_unit(shift)), (float)c->p.x,
-                    (float)c->p.y, &c->e, c->path);
-    link_edgels(&c->l, &c->e, part.height, c->path);
-    link_chains(&c->l, &c->e, (float)high, (uint32_t)c->p.min_length, out);
-    out->lost += c->e.lost;
+    c->noise = noise_of_pixels(&part, white);
+    set_thresholds(c, &part, white);
+    begin(c, im, out);
+    add_chains(c, &part, shift, c->p.x, c->p.y, out);
+}
+
+void canny_look(canny *c, const arris_image *im, const canny_region *r, uint32_t n,
+                arris_edges *out) {
+    int shift = gradient_shift(im);
+    begin(c, im, out);
+    for (uint32_t i = 0; i < n; i++) {
+        arris_image part = crop(im, &r[i]);
+        add_chains(c, &part, shift, r[i].x, r[i].y, out);
+    }
+}
+
+float canny_least_step(const canny *c) {
+    double square = LENS * LENS + c->p.sigma * c->p.sigma + 1. / 3; /* central differences */
+    return (float)(c->low * sqrt(2 * M_PI * square));
 }

@@ -1,16 +1,15 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
  * edges.c: the stage `edges`: Canny's detector with sub-pixel points in linked chains (thesis,
- * section 2.3). The kernel is canny.h.
+ * section 2.3). The kernel is canny.h. Where lines that are known already should be, by `lines` of
+ * the frame before and the pose of this one, it need not search: guide.h decides.
  */
-#include "arris_plugin.h"
-
-#include "canny.h"
+#include "search.h"
 
 struct edges {
     canny_params p;
     const char *roi;
-    canny *canny;
+    search search;
 };
 
 static const arris_prop props[] = {
@@ -22,7 +21,16 @@ static const arris_prop props[] = {
     ARRIS_P_INT(struct edges, p.min_length, "min-length", "10", 1, 8192, "points",
                 "shorter chains are dropped"),
     ARRIS_P_STRING(struct edges, roi, "roi", NULL, "x,y,width,height in px: only look in there"),
+    ARRIS_P_BOOL(struct edges, search.guided, "guide", "true",
+                 "does not search for known lines but in every fourth frame; not with roi"),
 };
+
+static int settle(arris_stage *s, void *self, arris_layers *l) {
+    struct edges *e = self;
+    (void)s;
+    search_settle(&e->search, e->roi, l);
+    return 0;
+}
 
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
     struct edges *e = self;
@@ -34,25 +42,16 @@ static int setup(arris_stage *s, void *self, arris_caps *caps) {
     if (p->low >= 0 && p->high >= 0 && p->low > p->high)
         return arris_fail(s, ARRIS_E_USAGE, "give a low that is at most high, or leave one out",
                           "low=%g is above high=%g", p->low, p->high);
-    e->canny = canny_new(caps->width, caps->height, p);
-    if (!e->canny)
-        return arris_fail(s, ARRIS_E_MEMORY, NULL, "no memory for the edges of a picture");
-    return arris_reserve(s, ARRIS_EDGES, canny_max_points(caps->width, caps->height),
-                         canny_max_chains(caps->width, caps->height));
+    return search_setup(s, &e->search, p, caps);
 }
 
 static int process(arris_stage *s, void *self, arris_frame *f) {
-    struct edges *e = self;
-    arris_edges *out = arris_layer_give(s, f, ARRIS_EDGES);
-    canny_run(e->canny, arris_layer_get(f, ARRIS_IMAGE), out);
-    if (out->lost)
-        arris_count(s, "points lost", out->lost);
-    return 0;
+    return search_run(s, &((struct edges *)self)->search, f);
 }
 
 static void close_edges(arris_stage *s, void *self) {
     (void)s;
-    canny_free(((struct edges *)self)->canny);
+    search_free(&((struct edges *)self)->search);
 }
 
 const arris_stage_desc stage_edges = {
@@ -60,10 +59,14 @@ const arris_stage_desc stage_edges = {
     .name = "edges",
     .summary = "Canny's edges as linked sub-pixel chains",
     .example = "imagesrc location=frames.csv ! edges ! fakesink",
-    .layers = {.needs = ARRIS_BIT(ARRIS_IMAGE), .gives = ARRIS_BIT(ARRIS_EDGES)},
+    .layers = {.needs = ARRIS_BIT(ARRIS_IMAGE),
+               .wants = ARRIS_BIT(ARRIS_POSE),
+               .gives = ARRIS_BIT(ARRIS_EDGES) | ARRIS_BIT(ARRIS_GUIDE),
+               .asks = ARRIS_BIT(ARRIS_LINES)},
     .self_size = sizeof(struct edges),
     .props = props,
     .n_props = sizeof props / sizeof *props,
+    .settle = settle,
     .setup = setup,
     .process = process,
     .close = close_edges,

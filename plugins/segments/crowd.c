@@ -61,3 +61,9 @@ AVX2_PATH static void fill_avx2(crowd *c, const arris_edges *e, int width, int h
 void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *lens) {
     (HAS_AVX2 ? fill_avx2 : fill_portable)(c, e, width, height, lens);
 }
+
+void crowd_add(crowd *c, float x, float y) {
+    unsigned at = (unsigned)(int)(x + 0.5f), line = (unsigned)(int)(y + 0.5f);
+    set(c->bits[0], c->stride[0], line, at);
+    set(c->bits[1], c->stride[1], at, line);
+}

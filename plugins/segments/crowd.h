@@ -26,6 +26,9 @@ void crowd_free(crowd *c);
  * outside of it are ignored. `lens` maps ideal points to the picture, or is NULL. */
 void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *lens);
 
+/* Adds a point of the picture. */
+void crowd_add(crowd *c, float x, float y);
+
 /* The distance in px from pixel `at` of row `line` (of a column when `column`) to the nearest point
  * in it that is more than `own` px away, own < CROWD_REACH; CROWD_REACH + 1 when there is none. The
  * pixel must be in the picture. */

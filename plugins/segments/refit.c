@@ -81,6 +81,14 @@ void refitter_look(refitter *f, const arris_image *image, const arris_edges *edg
     crowd_fill(&f->crowd, edges, image->width, image->height, lens);
 }
 
+void refitter_add(refitter *f, float x, float y) {
+    crowd_add(&f->crowd, x, y);
+}
+
+void refitter_set_lens(refitter *f, const arris_camera *lens) {
+    f->rows.lens = lens;
+}
+
 void refitter_portable(refitter *f) {
     f->rows.portable = true;
 }

@@ -24,6 +24,12 @@ void refitter_free(refitter *f); /* NULL is allowed */
 void refitter_look(refitter *f, const arris_image *image, const arris_edges *edges,
                    const arris_camera *lens);
 
+/* Another edge point of the picture, px in it. */
+void refitter_add(refitter *f, float x, float y);
+
+/* The lens of the lines that follow. */
+void refitter_set_lens(refitter *f, const arris_camera *lens);
+
 /* Fits a blurred step to the rows (rows.h) of the line near `start` and fills *s but for `chain`;
  * the ends are the feet of the observed ones. False when it cannot be measured or is no step that
  * stands out of the noise; then *s means nothing. */

@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "follow.h"
 #include "merge.h"
-#include "refit.h"
 #include "split.h"
 
 #define SHORTEST 5.0       /* px: a shorter piece joins nothing */
@@ -31,6 +31,8 @@ struct segmenter {
     uint32_t *corner;      /* of one chain */
     arris_edge_point *raw; /* one chain, rounded to pixels */
     refitter *refitter;
+    follower *follower;
+    const arris_guide *guide;
 };
 
 size_t segmenter_max(int width, int height) {
@@ -52,7 +54,8 @@ segmenter *segmenter_new(int width, int height, const segmenter_params *p) {
     s->corner = malloc(s->max_chain * sizeof *s->corner);
     s->raw = p->mode == SEGMENTER_THESIS ? malloc(s->max_chain * sizeof *s->raw) : NULL;
     s->refitter = refitter_new(width, height);
-    if (!s->refitter || !s->pieces || !s->nodes || !s->corner ||
+    s->follower = follower_new(width, height);
+    if (!s->refitter || !s->follower || !s->pieces || !s->nodes || !s->corner ||
         (p->mode == SEGMENTER_THESIS && !s->raw)) {
         segmenter_free(s);
         return NULL;
@@ -64,6 +67,7 @@ void segmenter_free(segmenter *s) {
     if (!s)
         return;
     refitter_free(s->refitter);
+    follower_free(s->follower);
     free(s->pieces);
     free(s->nodes);
     free(s->corner);
@@ -73,6 +77,10 @@ void segmenter_free(segmenter *s) {
 
 void segmenter_portable(segmenter *s) {
     refitter_portable(s->refitter);
+}
+
+void segmenter_guide(segmenter *s, const arris_guide *guide) {
+    s->guide = guide;
 }
 
 /* ---- pieces --------------------------------------------------------------------------------- */
@@ -177,12 +185,18 @@ void segmenter_run(segmenter *s, const arris_edges *edges, const arris_image *im
     find_pieces(s, edges);
     const arris_camera *lens;
     bool seen = look(s, edges, image, &lens);
-    if (seen)
-        refitter_look(s->refitter, image, edges, lens);
     out->n = 0;
     out->lost = s->lost;
     out->camera = edges->camera;
-    for (uint32_t i = 0; i < s->n; i++)
-        if (!s->pieces[i].gone)
-            measure(s, &s->pieces[i], edges->noise, seen, out);
+    if (seen)
+        refitter_look(s->refitter, image, edges, lens);
+    if (seen && s->guide && s->guide->n > 0)
+        follow(s->follower, s->guide, image, edges->camera, (double)edges->noise, s->p.min_length,
+               s->refitter, out);
+    refitter_set_lens(s->refitter, lens);
+    for (uint32_t i = 0; i < s->n; i++) {
+        const piece *p = &s->pieces[i];
+        if (!p->gone && !follow_has(out, p->x1, p->y1, p->x2, p->y2))
+            measure(s, p, edges->noise, seen, out);
+    }
 }

@@ -25,6 +25,14 @@ static const arris_prop props[] = {
                  "lines fitted to the grey levels, or the chains' raw end points"),
 };
 
+/* Chains alone give the thesis's segments: nobody is to look for lines without them. */
+static int settle(arris_stage *s, void *self, arris_layers *l) {
+    (void)s;
+    if (((struct segments *)self)->p.mode == SEGMENTER_THESIS)
+        l->wants = 0;
+    return 0;
+}
+
 static int setup(arris_stage *s, void *self, arris_caps *caps) {
     struct segments *g = self;
     g->segmenter = segmenter_new(caps->width, caps->height, &g->p);
@@ -38,6 +46,7 @@ static int process(arris_stage *s, void *self, arris_frame *f) {
     const arris_image *image =
         g->p.mode == SEGMENTER_REFIT ? arris_layer_get(f, ARRIS_IMAGE) : NULL;
     arris_segments *out = arris_layer_give(s, f, ARRIS_SEGMENTS);
+    segmenter_guide(g->segmenter, arris_layer_get(f, ARRIS_GUIDE));
     segmenter_run(g->segmenter, arris_layer_get(f, ARRIS_EDGES), image, out);
     if (out->lost)
         arris_count(s, "segments lost", out->lost);
@@ -56,11 +65,12 @@ const arris_stage_desc stage_segments = {
     .example = "imagesrc location=frames.csv ! edges ! undistort ! segments "
                "! filesink location=segments.csv",
     .layers = {.needs = ARRIS_BIT(ARRIS_EDGES),
-               .wants = ARRIS_BIT(ARRIS_IMAGE),
+               .wants = ARRIS_BIT(ARRIS_IMAGE) | ARRIS_BIT(ARRIS_GUIDE),
                .gives = ARRIS_BIT(ARRIS_SEGMENTS)},
     .self_size = sizeof(struct segments),
     .props = props,
     .n_props = sizeof props / sizeof *props,
+    .settle = settle,
     .setup = setup,
     .process = process,
     .close = close_segments,

@@ -1,0 +1,593 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * test_guide.c: guided search: what is foreseen and what is left to be searched, how a foreseen
+ * line is found in the picture and when it is not, and that a scan gives the same lines with it and
+ * without.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+#include <jansson.h>
+
+#include "../plugins/edges/guide.h"
+#include "../plugins/edges/regions.h"
+#include "../plugins/segments/segmenter.h"
+#include "process.h"
+#include "scratch.h"
+#include "strip.h"
+
+#define COUNT(a) (sizeof(a) / sizeof *(a))
+
+/* ---- regions -------------------------------------------------------------------------------- */
+
+static void regions_do_not_overlap(void **state) {
+    (void)state;
+    uint64_t seed = 7;
+    for (int round = 0; round < 200; round++) {
+        regions r;
+        double e[20][4];
+        int n = 0;
+        regions_clear(&r, 640, 480);
+        for (; n < 20 && !r.full; n++) {
+            for (int k = 0; k < 4; k++)
+                e[n][k] = (k % 2 ? 480 : 640) * rng_uniform(&seed);
+            e[n][2] = e[n][0] + 0.05 * (e[n][2] - e[n][0]);
+            e[n][3] = e[n][1] + 0.05 * (e[n][3] - e[n][1]);
+            regions_add(&r, e[n][0], e[n][1], e[n][2], e[n][3], 5);
+        }
+        int64_t area = 0;
+        for (uint32_t i = 0; i < r.n; i++) {
+            const canny_region *a = &r.item[i];
+            assert_true(a->x >= 0 && a->y >= 0 && a->x + a->width <= 640 &&
+                        a->y + a->height <= 480);
+            area += (int64_t)a->width * a->height;
+            for (uint32_t k = 0; k < i; k++) {
+                const canny_region *b = &r.item[k];
+                assert_true(a->x >= b->x + b->width || b->x >= a->x + a->width ||
+                            a->y >= b->y + b->height || b->y >= a->y + a->height);
+            }
+        }
+        assert_true(area == r.area);
+        for (int i = 0; i < n && !r.full; i++)
+            assert_true(regions_have(&r, e[i][0], e[i][1], e[i][2], e[i][3], 0));
+    }
+}
+
+static void regions_that_come_near_the_whole_are_full(void **state) {
+    (void)state;
+    regions r;
+    regions_clear(&r, 100, 100);
+    regions_add(&r, 10, 10, 60, 90, 5);
+    assert_true(!r.full && !regions_have(&r, 0, 0, 5, 5, 0));
+    regions_add(&r, 90, 20, 95, 40, 3);
+    assert_true(!r.full && r.n == 2);
+    regions_add(&r, 50, 30, 95, 30, 2);
+    assert_true(r.full);
+}
+
+/* ---- what is foreseen ----------------------------------------------------------------------- */
+
+static const arris_camera thesis = {320,       240,      380.60892, 378.42038, 0.05367, 153.27998,
+                                    119.84683, -0.25888, 0.36657,   0.0011,    0.00005, 0};
+
+/* A line upright in the picture at x mm, 800 mm away, known to `sigma` mm, as of so many frames. */
+static arris_line known_line(int id, double x, double sigma, uint32_t frames) {
+    arris_line l = {.id = id,
+                    .state = ARRIS_MEASURED,
+                    .into = -1,
+                    .p = {x, -100, 800},
+                    .q = {x, 100, 800},
+                    .views = frames,
+                    .seen = frames};
+    static const int diagonal[6] = {0, 6, 11, 15, 18, 20};
+    for (int i = 0; i < 6; i++)
+        l.cov[diagonal[i]] = sigma * sigma;
+    return l;
+}
+
+static arris_pose at_x(double x) {
+    return (arris_pose){.valid = true, .C = {x, 0, 0}, .R = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+}
+
+typedef struct scan {
+    guide *g;
+    arris_line line[2];
+    arris_lines lines;
+    arris_foreseen item[8];
+    arris_guide out;
+    arris_edge_point point[400];
+    arris_chain chain[2];
+    arris_edges edges;
+} scan;
+
+/* Two lines at x = 0 and 100 mm, and chains along both in the picture from `at`. */
+static void see(scan *s, const arris_pose *at) {
+    s->edges = (arris_edges){.point = s->point, .chain = s->chain, .n_chains = 2};
+    for (int i = 0; i < 2; i++) {
+        s->chain[i] = (arris_chain){s->edges.n, 180, false};
+        for (int k = 0; k < 180; k++) {
+            double X[3] = {s->line[i].p[0], k - 90, 800}, x, y;
+            arris_project(&thesis, at, X, &x, &y);
+            arris_distort(&thesis, x, y, &x, &y);
+            s->point[s->edges.n++] = (arris_edge_point){(float)x, (float)y, -10, 0};
+        }
+    }
+    guide_learn(s->g, &s->edges);
+}
+
+static void begin(scan *s) {
+    s->g = guide_new(&thesis);
+    assert_non_null(s->g);
+    s->line[0] = known_line(3, 0, 0.1, 50);
+    s->line[1] = known_line(8, 100, 0.1, 50);
+    s->lines = (arris_lines){.n = 2, .max = 2, .frames = 50, .item = s->line};
+    s->out = (arris_guide){.max = COUNT(s->item), .item = s->item};
+    arris_pose at = at_x(0);
+    assert_false(guide_decide(s->g, NULL, &at, &s->out)); /* nothing is known yet */
+    see(s, &at);
+}
+
+static bool decide(scan *s, double x) {
+    arris_pose at = at_x(x);
+    return guide_decide(s->g, &s->lines, &at, &s->out);
+}
+
+/* Whether the line is to be searched as seen from x. */
+static bool is_searched(const scan *s, int line, double x) {
+    uint32_t n;
+    const canny_region *r = guide_regions(s->g, &n);
+    arris_pose at = at_x(x);
+    for (int k = -90; k <= 90; k += 10) {
+        double X[3] = {s->line[line].p[0], k, 800}, u, v;
+        bool in = false;
+        arris_project(&thesis, &at, X, &u, &v);
+        arris_distort(&thesis, u, v, &u, &v);
+        for (uint32_t i = 0; i < n; i++)
+            in |= u > r[i].x + 4 && u < r[i].x + r[i].width - 4 && v > r[i].y + 4 &&
+                  v < r[i].y + r[i].height - 4;
+        if (!in)
+            return false;
+    }
+    return true;
+}
+
+static void lines_that_are_sure_are_foreseen(void **state) {
+    (void)state;
+    scan s;
+    begin(&s);
+    assert_true(decide(&s, 4));
+    assert_int_equal(s.out.n, 2);
+    arris_pose at = at_x(4);
+    for (int i = 0; i < 2; i++) {
+        double x, y;
+        arris_project(&thesis, &at, s.line[i].p, &x, &y);
+        assert_int_equal(s.item[i].line, s.line[i].id);
+        assert_true(fabs(s.item[i].x1 - x) < 1e-9 && fabs(s.item[i].y1 - y) < 1e-9);
+        assert_true(fabs(s.item[i].sigma - 0.1 * thesis.fx / 800) < 1e-3);
+        assert_false(is_searched(&s, i, 4)); /* their points of the frame before are explained */
+    }
+    assert_true(!arris_camera_distorts(s.out.camera));
+    guide_free(s.g);
+}
+
+static void others_are_searched(void **state) {
+    (void)state;
+    enum { UNSEEN, UNSURE, UNKNOWN, MERGED, ELSEWHERE, CASES };
+    for (int k = 0; k < CASES; k++) {
+        scan s;
+        begin(&s);
+        arris_line *l = &s.line[1];
+        l->seen -= k == UNSEEN;
+        if (k == UNSURE)
+            *l = known_line(8, 100, 5, 50);
+        l->state = k == UNKNOWN ? ARRIS_UNOBSERVABLE : l->state;
+        l->change = k == MERGED ? ARRIS_MERGED : l->change;
+        if (k == ELSEWHERE) /* 5 px from its points: these are another's */
+            l->p[0] = l->q[0] = 110;
+        assert_true(decide(&s, 4));
+        assert_int_equal(s.out.n, k == ELSEWHERE ? 2 : 1);
+        s.line[1].p[0] = 100;
+        assert_true(is_searched(&s, 1, 4));
+        assert_false(is_searched(&s, 0, 4));
+        guide_free(s.g);
+    }
+}
+
+static void the_whole_is_searched_when_it_must_be(void **state) {
+    (void)state;
+    scan s;
+    begin(&s);
+    for (int i = 1; i < 20; i++) { /* in every fourth frame */
+        arris_pose at = at_x(4 * i);
+        assert_int_equal(decide(&s, 4 * i), i % GUIDE_PERIOD != 0);
+        assert_int_equal(s.out.n, i % GUIDE_PERIOD != 0 ? 2 : 0);
+        see(&s, &at);
+    }
+    guide_free(s.g);
+    begin(&s);
+    assert_false(decide(&s, 200)); /* the picture moved by 95 px */
+    guide_free(s.g);
+    begin(&s);
+    arris_pose none = {.valid = false};
+    assert_false(guide_decide(s.g, &s.lines, &none, &s.out));
+    see(&s, &none);
+    assert_false(decide(&s, 4)); /* nor is it known how far it moved */
+    guide_free(s.g);
+    begin(&s);
+    assert_false(guide_decide(s.g, &s.lines, NULL, &s.out));
+    assert_false(guide_decide(s.g, NULL, &none, &s.out));
+    guide_free(s.g);
+    begin(&s);
+    s.line[0].p[1] = (double)NAN, s.line[1].q[2] = -5; /* not a line; behind the camera */
+    assert_false(decide(&s, 4));
+    guide_free(s.g);
+}
+
+/* A line that was foreseen and then not seen is not foreseen again soon. */
+static void what_was_not_seen_is_doubted(void **state) {
+    (void)state;
+    scan s;
+    begin(&s);
+    assert_true(decide(&s, 1));
+    assert_int_equal(s.out.n, 2);
+    arris_pose at = at_x(1);
+    see(&s, &at);
+    int foreseen = 0;
+    for (int i = 2; i < 60; i++) {
+        s.lines.frames++;
+        s.line[0].seen = s.lines.frames;
+        s.line[1].seen = i == 2 ? 50 : s.lines.frames; /* not in the frame before; then again */
+        at = at_x(i);
+        if (decide(&s, i) && s.out.n == 2 && foreseen == 0)
+            foreseen = i;
+        see(&s, &at);
+    }
+    assert_in_range(foreseen, 20, 40);
+    guide_free(s.g);
+}
+
+/* ---- looking there -------------------------------------------------------------------------- */
+
+enum { W = 200, H = 180 };
+
+typedef struct bench {
+    arris_image image;
+    arris_edges edges;
+    arris_foreseen foreseen;
+    arris_guide guide;
+    segmenter *segmenter;
+    arris_segments segments;
+    uint64_t seed;
+} bench;
+
+static bench bench_new(void) {
+    segmenter_params p = SEGMENTER_DEFAULTS;
+    bench b = {.image = picture_new(W, H, ARRIS_GREY8),
+               .segmenter = segmenter_new(W, H, &p),
+               .segments = segments_new(segmenter_max(W, H)),
+               .seed = 0x9E3779B97F4A7C15};
+    assert_non_null(b.segmenter);
+    return b;
+}
+
+static void bench_free(bench *b) {
+    free(b->image.data);
+    free(b->segments.item);
+    segmenter_free(b->segmenter);
+}
+
+/* Looks for an edge from `from` to `to` px from the strip's middle, `off` px to its right at both
+ * ends and `turn` px more at the second; there are no edge points. */
+static const arris_segment *look(bench *b, const strip *s, double from, double to, double off,
+                                 double turn) {
+    double c = cos(s->angle), d = sin(s->angle);
+    b->foreseen = (arris_foreseen){.x1 = s->x + from * c - off * d,
+                                   .y1 = s->y + from * d + off * c,
+                                   .x2 = s->x + to * c - (off + turn) * d,
+                                   .y2 = s->y + to * d + (off + turn) * c};
+    b->guide = (arris_guide){.n = 1, .max = 1, .step = 12, .item = &b->foreseen};
+    b->edges = (arris_edges){.noise = 2};
+    segmenter_guide(b->segmenter, &b->guide);
+    segmenter_run(b->segmenter, &b->edges, &b->image, &b->segments);
+    return b->segments.n ? b->segments.item : NULL;
+}
+
+/* Where along the strip a point of the picture is, px from its middle. */
+static double along(const strip *s, double x, double y) {
+    return (x - s->x) * cos(s->angle) + (y - s->y) * sin(s->angle);
+}
+
+static void assert_ends(const strip *s, const arris_segment *g, double from, double to) {
+    assert_true(fabs(along(s, g->x1, g->y1) - from) < 4);
+    assert_true(fabs(along(s, g->x2, g->y2) - to) < 4);
+}
+
+static void a_foreseen_line_is_measured_at_the_bound(void **state) {
+    (void)state;
+    bench b = bench_new();
+    double squares = 0, nees = 0, longer = 0;
+    enum { N = 200 };
+    for (int i = 0; i < N; i++) {
+        strip s = strip_anywhere(W, H, 100, i % 2 ? 40 : 150, &b.seed);
+        picture_draw(&b.image, strip_level, &s, 2, &b.seed);
+        double off = 0.8 * (2 * rng_uniform(&b.seed) - 1);
+        const arris_segment *g = look(&b, &s, -48, 51, off, -off / 2);
+        assert_non_null(g);
+        assert_int_equal(b.segments.n, 1);
+        strip_error e = strip_compare(&s, g);
+        double bound = strip_bound(&s, 2, 95, 8);
+        squares += e.offset * e.offset / (bound * bound) / N;
+        nees += e.nees / N;
+        assert_ends(&s, g, -50, 50);
+        assert_ends(&s, g, -50, 50);
+        longer += (hypot(g->x2 - g->x1, g->y2 - g->y1) - 100) / N;
+        assert_int_equal(g->chain, UINT32_MAX);
+    }
+    print_message("error over the bound %.3f, nees %.3f, %+.2f px longer\n", sqrt(squares), nees,
+                  longer);
+    assert_true(fabs(longer) < 1);
+    assert_true(sqrt(squares) < 1.3);
+    assert_true(nees > 0.75 && nees < 1.3);
+    bench_free(&b);
+}
+
+/* A line that has come farther into the picture, and one that is hidden in part. */
+static void ends_are_where_they_are_seen(void **state) {
+    (void)state;
+    bench b = bench_new();
+    for (int i = 0; i < 60; i++) {
+        strip s = strip_anywhere(W, H, 100, 80, &b.seed);
+        picture_draw(&b.image, strip_level, &s, 2, &b.seed);
+        const arris_segment *g = look(&b, &s, -10, 20, 0.3, 0);
+        assert_non_null(g);
+        assert_ends(&s, g, -50, 50);
+        strip part = s; /* the last 40 px are hidden */
+        part.length = 60, part.x -= 20 * cos(s.angle), part.y -= 20 * sin(s.angle);
+        picture_draw(&b.image, strip_level, &part, 2, &b.seed);
+        g = look(&b, &s, -50, 50, 0.3, 0);
+        assert_non_null(g);
+        assert_ends(&s, g, -50, 10);
+    }
+    bench_free(&b);
+}
+
+/* A gap of some px, where something thin lies before it, does not end a line. */
+static void a_short_gap_is_bridged(void **state) {
+    (void)state;
+    bench b = bench_new();
+    strip s = {
+        .x = 100, .y = 90, .angle = 1.3, .length = 120, .dark = 50, .bright = 150, .psf = .8};
+    picture_draw(&b.image, strip_level, &s, 2, &b.seed);
+    for (int y = 100; y < 104; y++)
+        memset(b.image.data + y * b.image.stride, 90, W);
+    const arris_segment *g = look(&b, &s, -60, 60, 0.2, 0);
+    assert_non_null(g);
+    assert_true(along(&s, g->x2, g->y2) - along(&s, g->x1, g->y1) > 115);
+    assert_true(fabs(strip_compare(&s, g).offset) < 0.02);
+    bench_free(&b);
+}
+
+static void what_is_not_there_is_not_found(void **state) {
+    (void)state;
+    bench b = bench_new();
+    for (int i = 0; i < 60; i++) {
+        strip s = strip_anywhere(W, H, 100, 80, &b.seed), blank = s;
+        picture_draw(&b.image, strip_level, &s, 2, &b.seed);
+        assert_null(look(&b, &s, -50, 50, 4, 0));    /* 4 px beside it */
+        assert_null(look(&b, &s, 50, -50, 0, 0));    /* dark and bright swapped */
+        assert_null(look(&b, &s, 70, 90, 0, 0));     /* beyond its end */
+        assert_null(look(&b, &s, 0, 0, 0, 0));       /* a point */
+        assert_null(look(&b, &s, -50, 50, -30, 60)); /* another direction: what crosses is short */
+        assert_null(look(&b, &s, 1e6, 2e6, 0, 0));   /* outside of the picture */
+        blank.bright = blank.dark;
+        picture_draw(&b.image, strip_level, &blank, 2, &b.seed);
+        assert_null(look(&b, &s, -50, 50, 0, 0)); /* it is gone */
+        blank.bright = blank.dark + 8;
+        picture_draw(&b.image, strip_level, &blank, 2, &b.seed);
+        assert_null(look(&b, &s, -50, 50, 0, 0)); /* fainter than what `edges` would find */
+        s.length = 12;
+        s.bright = s.dark + 80;
+        picture_draw(&b.image, strip_level, &s, 2, &b.seed);
+        assert_null(look(&b, &s, -50, 50, 0, 0)); /* shorter than min-length */
+    }
+    bench_free(&b);
+}
+
+typedef struct pair {
+    strip a, b;
+} pair;
+
+static double pair_level(const void *scene, double x, double y) {
+    const pair *p = scene;
+    return strip_level(&p->a, x, y) + strip_level(&p->b, x, y);
+}
+
+/* Of two parallel lines each stays itself, and is never taken for the other. */
+static void neighbours_do_not_swap(void **state) {
+    (void)state;
+    bench b = bench_new();
+    for (double apart = 4; apart < 10; apart++) {
+        pair p;
+        p.a = strip_anywhere(W, H, 100, 60, &b.seed);
+        p.a.dark = 40, p.a.bright = 100;
+        p.b = p.a;
+        p.b.x -= apart * sin(p.a.angle), p.b.y += apart * cos(p.a.angle);
+        picture_draw(&b.image, pair_level, &p, 2, &b.seed);
+        for (int k = 0; k < 2; k++) {
+            const strip *s = k ? &p.b : &p.a;
+            const arris_segment *g = look(&b, s, -45, 45, k ? 0.5 : -0.5, 0);
+            assert_true(apart < 6 || g); /* nearer, it leaves them to a search */
+            assert_true(!g || fabs(strip_compare(s, g).offset) < 0.5);
+        }
+    }
+    bench_free(&b);
+}
+
+/* What the edges have of a foreseen line is not told twice. */
+static void no_line_is_told_twice(void **state) {
+    (void)state;
+    bench b = bench_new();
+    arris_edge_point point[100];
+    arris_chain chain = {0, 100, false};
+    strip s = strip_anywhere(W, H, 100, 80, &b.seed);
+    double c = cos(s.angle), d = sin(s.angle);
+    picture_draw(&b.image, strip_level, &s, 2, &b.seed);
+    for (int i = 0; i < 100; i++)
+        point[i] = (arris_edge_point){(float)(s.x + (i - 49.5) * c), (float)(s.y + (i - 49.5) * d),
+                                      (float)(-20 * d), (float)(20 * c)};
+    assert_non_null(look(&b, &s, -50, 50, 0.2, 0));
+    b.edges = (arris_edges){.n = 100, .n_chains = 1, .noise = 2, .point = point, .chain = &chain};
+    segmenter_run(b.segmenter, &b.edges, &b.image, &b.segments);
+    assert_int_equal(b.segments.n, 1);
+    assert_int_equal(b.segments.item[0].chain, UINT32_MAX);
+    b.foreseen.x1 += 30; /* elsewhere: then the chain's is told */
+    b.foreseen.x2 += 30;
+    segmenter_run(b.segmenter, &b.edges, &b.image, &b.segments);
+    assert_int_equal(b.segments.n, 1);
+    assert_int_equal(b.segments.item[0].chain, 0);
+    bench_free(&b);
+}
+
+/* ---- a scan --------------------------------------------------------------------------------- */
+
+enum { LINES = 500 };
+
+typedef struct found {
+    int n;
+    bool measured[LINES]; /* not weak */
+    double p[LINES][3], q[LINES][3], sigma[LINES];
+} found;
+
+static void measure(const char *name, const char *edges, found *f) {
+    char box[4096], line[8192];
+    json_error_t e;
+    if (!realpath("samples/box/frames.csv", box))
+        fail_msg("samples/box is not there: run from the root of the checkout");
+    snprintf(line, sizeof line,
+             "imagesrc location='%s' ! edges %s ! undistort ! segments ! track ! reconstruct ! "
+             "filesink location=lines.json",
+             box, edges);
+    process p = arris_launch(scratch_mkdir(name), line);
+    if (p.code)
+        fail_msg("%s", p.err);
+    process_free(&p);
+    char path[64];
+    snprintf(path, sizeof path, "%s/lines.json", name);
+    json_t *root = json_load_file(scratch(path), 0, &e), *o;
+    size_t i;
+    f->n = 0;
+    json_array_foreach(json_object_get(root, "lines"), i, o) {
+        const char *state;
+        json_t *cov;
+        double *a = f->p[f->n], *b = f->q[f->n];
+        assert_int_equal(json_unpack(o, "{s:[FFF!], s:[FFF!], s:s, s:o}", "p", a, a + 1, a + 2, "q",
+                                     b, b + 1, b + 2, "state", &state, "cov", &cov),
+                         0);
+        f->sigma[f->n] = sqrt(json_number_value(json_array_get(cov, 0)) +
+                              json_number_value(json_array_get(cov, 6)) +
+                              json_number_value(json_array_get(cov, 11)));
+        f->measured[f->n] = strcmp(state, "measured") == 0;
+        if (strcmp(state, "unobservable") != 0 && f->n < LINES - 1)
+            f->n++;
+    }
+    json_decref(root);
+}
+
+static double distance(const double X[3], const double p[3], const double q[3]) {
+    double u[3], d[3], n[3];
+    for (int i = 0; i < 3; i++)
+        u[i] = q[i] - p[i], d[i] = X[i] - p[i];
+    arris_unit(u);
+    arris_cross(u, d, n);
+    return sqrt(arris_dot(n, n));
+}
+
+/* Whether the middle of line i of `a` lies on a line of `b` that is parallel to it. */
+static bool is_in(const found *a, int i, const found *b) {
+    double X[3], u[3], v[3];
+    for (int k = 0; k < 3; k++) {
+        X[k] = (a->p[i][k] + a->q[i][k]) / 2;
+        u[k] = a->q[i][k] - a->p[i][k];
+    }
+    arris_unit(u);
+    for (int j = 0; j < b->n; j++) {
+        for (int k = 0; k < 3; k++)
+            v[k] = b->q[j][k] - b->p[j][k];
+        arris_unit(v);
+        if (fabs(arris_dot(u, v)) > 0.99 &&
+            distance(X, b->p[j], b->q[j]) < 1 + 4 * hypot(a->sigma[i], b->sigma[j]))
+            return true;
+    }
+    return false;
+}
+
+/* How many measured lines of `a` are not in `b`, not even as weak ones. */
+static int missing(const found *a, const found *b) {
+    int n = 0;
+    for (int i = 0; i < a->n; i++)
+        n += a->measured[i] && !is_in(a, i, b);
+    return n;
+}
+
+static void a_scan_gives_the_same_lines(void **state) {
+    (void)state;
+    static found guided, whole;
+    measure("guided", "", &guided);
+    measure("whole", "guide=false", &whole);
+    assert_true(guided.n >= 10 && whole.n >= 10);
+    assert_int_equal(missing(&whole, &guided), 0);
+    assert_int_equal(missing(&guided, &whole), 0);
+}
+
+/* It was guided, unless it was told not to, or there was nobody to look there. */
+static void it_is_guided_where_it_can_be(void **state) {
+    (void)state;
+    static const struct {
+        const char *line;
+        bool guided;
+    } cases[] = {
+        {"edges ! undistort ! segments ! track ! reconstruct ! fakesink", true},
+        {"undistort ! edges ! segments ! track ! reconstruct ! fakesink", true},
+        {"edges ! segments ! track ! reconstruct ! fakesink", true},
+        {"edges ! queue ! undistort ! segments ! queue ! track ! reconstruct ! fakesink", true},
+        {"edges guide=false ! undistort ! segments ! track ! reconstruct ! fakesink", false},
+        {"edges roi=0,0,300,200 ! undistort ! segments ! track ! reconstruct ! fakesink", false},
+        {"edges ! undistort ! segments mode=thesis ! track ! reconstruct ! fakesink", false},
+        {"edges ! undistort ! segments ! track ! fakesink", false},
+        {"edges ! fakesink", false},
+    };
+    for (size_t i = 0; i < COUNT(cases); i++) {
+        char line[1024];
+        snprintf(line, sizeof line, "launch --stats imagesrc location=samples/box/frames.csv ! %s",
+                 cases[i].line);
+        process p = arris_run(line);
+        if (p.code || !!strstr(p.out, "lines foreseen") != cases[i].guided)
+            fail_msg("%s\n%s%s", line, p.out, p.err);
+        process_free(&p);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(regions_do_not_overlap),
+        cmocka_unit_test(regions_that_come_near_the_whole_are_full),
+        cmocka_unit_test(lines_that_are_sure_are_foreseen),
+        cmocka_unit_test(others_are_searched),
+        cmocka_unit_test(the_whole_is_searched_when_it_must_be),
+        cmocka_unit_test(what_was_not_seen_is_doubted),
+        cmocka_unit_test(a_foreseen_line_is_measured_at_the_bound),
+        cmocka_unit_test(ends_are_where_they_are_seen),
+        cmocka_unit_test(a_short_gap_is_bridged),
+        cmocka_unit_test(what_is_not_there_is_not_found),
+        cmocka_unit_test(neighbours_do_not_swap),
+        cmocka_unit_test(no_line_is_told_twice),
+        cmocka_unit_test(a_scan_gives_the_same_lines),
+        cmocka_unit_test(it_is_guided_where_it_can_be),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
