@@ -225,12 +225,15 @@ static void drop_searched(const guide *g, arris_guide *out) {
 /* ---- lines that were foreseen and not seen -------------------------------------------------- */
 
 static void note_doubts(guide *g, const arris_lines *lines) {
-    uint32_t k = 0; /* both lists are in the same order */
-    for (uint32_t i = 0; i < lines->n && k < g->n_handed; i++) {
+    uint32_t next = 0; /* both lists are in the same order, but lines may have gone */
+    for (uint32_t i = 0; i < lines->n; i++) {
         const arris_line *l = &lines->item[i];
-        if (l->id != g->handed[k])
+        uint32_t k = next;
+        while (k < g->n_handed && g->handed[k] != l->id)
+            k++;
+        if (k == g->n_handed)
             continue;
-        k++;
+        next = k + 1;
         if (l->seen < lines->frames)
             g->doubt[g->n_doubts++ % DOUBTS] = (doubt){l->id, lines->frames + DOUBTED};
     }
