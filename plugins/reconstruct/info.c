@@ -6,24 +6,23 @@
 
 #include <math.h>
 
+/* A value for each parameter. */
+typedef double four __attribute__((vector_size(32), aligned(8), may_alias));
+
 void info_add(info *in, const linear *l, const double x[4]) {
     double det = l->cov[0] * l->cov[2] - l->cov[1] * l->cov[1];
-    double w0 = l->cov[2] / det, w1 = -l->cov[1] / det, w2 = l->cov[0] / det;
-    double y[2], WJ[2][4];
+    double w0 = l->cov[2] / det, w1 = -l->cov[1] / det, w2 = l->cov[0] / det, y[2];
     for (int k = 0; k < 2; k++) {
         y[k] = -l->r[k];
         for (int i = 0; i < 4; i++)
             y[k] += l->J[k][i] * x[i];
         in->squares += l->r[k] * l->r[k];
     }
-    for (int i = 0; i < 4; i++) {
-        WJ[0][i] = w0 * l->J[0][i] + w1 * l->J[1][i];
-        WJ[1][i] = w1 * l->J[0][i] + w2 * l->J[1][i];
-        in->g[i] += WJ[0][i] * y[0] + WJ[1][i] * y[1];
-    }
+    const four *J = (const four *)(const void *)l->J;
+    four A = w0 * J[0] + w1 * J[1], B = w1 * J[0] + w2 * J[1];
+    *(four *)(void *)in->g += A * y[0] + B * y[1];
     for (int i = 0; i < 4; i++)
-        for (int j = 0; j < 4; j++)
-            in->H.m[i][j] += l->J[0][i] * WJ[0][j] + l->J[1][i] * WJ[1][j];
+        *(four *)(void *)in->H.m[i] += l->J[0][i] * A + l->J[1][i] * B;
     in->c += w0 * y[0] * y[0] + 2 * w1 * y[0] * y[1] + w2 * y[1] * y[1];
     in->misfit += l->misfit;
     in->n++;

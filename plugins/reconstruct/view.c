@@ -9,6 +9,7 @@
 /* Added to the variance of the offset (px²): a ten-thousandth of a pixel, which nobody sees. Keeps
  * what claims to be exact from being infinitely heavy. */
 static const double LEAST_VARIANCE = 1e-8;
+static const double PARALLEL = 1e-18; /* sin² of the angle at which one looks along a line */
 
 static void ray_at_depth_1(const arris_camera *c, const arris_pose *pose, double x, double y,
                            double ray[3]) {
@@ -118,7 +119,7 @@ static double place(const view *v, const double C[3], const double M[3], const d
     arris_cross(D, d, n);
     arris_cross(w, d, m);
     double s2 = arris_dot(n, n);
-    return s2 > 1e-18 ? arris_dot(m, n) / s2 : (double)NAN;
+    return s2 > PARALLEL ? arris_dot(m, n) / s2 : (double)NAN;
 }
 
 double view_place(const view *v, const frame *f, const double x[4], double px) {
@@ -154,29 +155,58 @@ static void predicted_plane(const view *v, const double C[3], const double M[3],
         plane[i] *= scale;
 }
 
+/* A value at either end of the segment. */
+typedef double ends __attribute__((vector_size(16)));
+
+static ends dot_ends(const double a[3], const ends b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void cross_ends(const double a[3], const ends b[3], ends c[3]) {
+    c[0] = a[1] * b[2] - a[2] * b[1];
+    c[1] = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* As `place` at both ends. */
+static ends places(const view *v, const double C[3], const double M[3], const double D[3]) {
+    const ends px = {-v->half, v->half};
+    ends d[3], n[3], m[3];
+    double w[3];
+    for (int i = 0; i < 3; i++) {
+        d[i] = v->ray[i] + px * v->step[i];
+        w[i] = C[i] - M[i];
+    }
+    cross_ends(D, d, n);
+    cross_ends(w, d, m);
+    ends s2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+    ends s = (m[0] * n[0] + m[1] * n[1] + m[2] * n[2]) / s2;
+    return s2[0] > PARALLEL && s2[1] > PARALLEL ? s : s * (double)NAN;
+}
+
 bool view_linearise(const view *v, const frame *f, const double x[4], const pose_noise *noise,
                     linear *l) {
-    double C[3], M[3], D[3], P[3], plane[3];
+    double C[3], M[3], D[3], plane[3];
+    ends P[3];
     for (int i = 0; i < 3; i++)
         C[i] = v->C[i] + (noise->corrected ? v->shift[i] : 0);
     middle(f, x, M, D);
     predicted_plane(v, C, M, D, plane);
     double a = arris_dot(plane, f->a), b = arris_dot(plane, f->b);
-    l->depth = 0;
+    ends s = places(v, C, M, D);
+    for (int i = 0; i < 3; i++)
+        P[i] = M[i] + s * D[i] - C[i];
+    ends z = dot_ends(v->axis, P), r = dot_ends(v->plane, P) / z;
+    if (!(z[0] > 0 && z[1] > 0))
+        return false;
+    ends p = (1 - s) / 2, q = (1 + s) / 2, J[4] = {p * a / z, p * b / z, q * a / z, q * b / z};
     for (int k = 0; k < 2; k++) {
-        double s = l->s[k] = place(v, C, M, D, k ? v->half : -v->half);
-        for (int i = 0; i < 3; i++)
-            P[i] = M[i] + s * D[i] - C[i];
-        double z = arris_dot(v->axis, P);
-        if (!(z > 0))
-            return false;
-        l->r[k] = arris_dot(v->plane, P) / z;
-        l->J[k][0] = (1 - s) / 2 * a / z;
-        l->J[k][1] = (1 - s) / 2 * b / z;
-        l->J[k][2] = (1 + s) / 2 * a / z;
-        l->J[k][3] = (1 + s) / 2 * b / z;
-        l->depth += z / 2;
+        l->r[k] = r[k];
+        l->s[k] = s[k];
+        for (int i = 0; i < 4; i++)
+            l->J[k][i] = J[i][k];
     }
+    l->depth = z[0] / 2 + z[1] / 2;
     covariance(v, noise, l);
     return true;
 }
