@@ -8,6 +8,7 @@
  */
 #include <cstddef>
 #include <cstdio>
+#include <ctime>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -18,13 +19,20 @@ namespace {
 
 int64_t canny_time, begun; /* ns: how long Canny took, and when the stages between began */
 
+/* The time that this thread has had, ns: what else the machine does counts little. */
+int64_t thread_time() {
+    timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return t.tv_sec * INT64_C(1000000000) + t.tv_nsec;
+}
+
 void run_canny(const arris_frame *f) {
     static cv::Mat edges;
     const arris_image *im = static_cast<const arris_image *>(arris_layer_get(f, ARRIS_IMAGE));
     cv::Mat grey(im->height, im->width, CV_8U, im->data, static_cast<size_t>(im->stride));
-    int64_t start = arris_now();
+    int64_t start = thread_time();
     cv::Canny(grey, edges, 50, 150, 3, true);
-    canny_time = arris_now() - start;
+    canny_time = thread_time() - start;
 }
 
 int rival_setup(arris_stage *s, void *, arris_caps *caps) {
@@ -37,7 +45,7 @@ int rival_setup(arris_stage *s, void *, arris_caps *caps) {
 int rival_process(arris_stage *, void *, arris_frame *f) {
     if (arris_frame_seq(f) % 2 == 0)
         run_canny(f);
-    begun = arris_now();
+    begun = thread_time();
     return 0;
 }
 
@@ -63,7 +71,7 @@ long resident_pages() {
 }
 
 int tally_process(arris_stage *, void *self, arris_frame *f) {
-    int64_t took = arris_now() - begun;
+    int64_t took = thread_time() - begun;
     if (arris_frame_seq(f) % 2 == 1)
         run_canny(f);
     std::fprintf(static_cast<struct tally *>(self)->out, "%lld %lld %ld\n",
