@@ -66,7 +66,7 @@ static void compare(const char *list) {
     guided.n = whole.n = 0;
     for (int i = 0; i < RUNS; i++) {
         run(list, "", "", &guided);
-        run(list, "", getenv("NOG") ? "" : "guide=false", &whole);
+        run(list, "", "guide=false", &whole);
     }
     double canny = mean(guided.canny, 0, guided.n);
     size_t length = strlen(list);
