@@ -17,7 +17,7 @@ static const double ALONG = 0.0140; /* rad: nor when the camera moves this near 
 static const double PARALLAX = 0.1; /* nor with a sigma above this share of its distance */
 static const double PRIOR_DOF = 10; /* weight of the scene's scale against the line's own */
 static const double SURROUNDINGS = 0.12; /* rad that the view turns until they look otherwise */
-static const double INDEPENDENT = 2.2;   /* values of what is systematic, at most */
+static const double INDEPENDENT = 2.3;   /* values of what is systematic, at most */
 enum { ITERATIONS = 10 };
 
 void line_begin(line *l, int32_t id) {
@@ -131,6 +131,11 @@ static void measure_motion(line *l) {
 
 double line_baseline(const line *l) {
     return distance(l->first, l->last);
+}
+
+double line_pose_px(const line *l, const scene *s) {
+    const double *plane = l->kept[0].plane;
+    return s->noise.position * sqrt(arris_dot(plane, plane)) / l->depth;
 }
 
 bool line_observable(const line *l) {

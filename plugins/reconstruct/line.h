@@ -34,7 +34,8 @@ typedef struct line {
     double prior;    /* mm; sigma of x before any view */
     double scale;    /* variance of the residuals over the stated one; at least 1 */
     double drift;    /* variance of what parts of the views say over the stated one; 0: unknown */
-    double blend;    /* variance of a view by an unresolved neighbour, over the stated one */
+    bool parted;     /* from a neighbour that it is not resolved from */
+    double blend;    /* variance of a view by what is not resolved, over the stated one */
     double ends[2];  /* as places */
     double pixel[2]; /* mm that a pixel measures along it at its ends */
 
@@ -87,9 +88,12 @@ double line_contradiction(const line *l, const scene *s);
 
 /* Parts a settled line whose views contradict each other. When they are of two edges, those of the
  * one that tells less go to *other, a line of the same id, and this returns true; *last tells
- * whether the newest views are among those. When they are of one edge that is seen worse for a
- * while, those are dropped if the line is the better for it. */
+ * whether the newest views are among those. Otherwise the line is as it was. */
 bool line_split(line *l, line *other, const scene *s, bool *last);
+
+/* Of a settled line whose views contradict each other although they are of one edge, that is seen
+ * worse before or after some view: drops those when the line is the better for it. */
+void line_prune(line *l, const scene *s);
 
 /* Takes away the kept views from .. to - 1 and the rest that goes with them. */
 void line_forget(line *l, uint32_t from, uint32_t to);
@@ -115,6 +119,9 @@ mat4 line_covariance(const line *l, const scene *s, double prior, const double p
 /* The sum of the squared residuals over their stated variances; 2 n - 4 when those are true. */
 double line_chi2(const line *l);
 
+/* Sigma by which the noise of the positions moves the line in the picture, px. */
+double line_pose_px(const line *l, const scene *s);
+
 /* mm between the outermost camera centres. */
 double line_baseline(const line *l);
 
@@ -122,6 +129,10 @@ double line_baseline(const line *l);
  * opposite when `turned`, overlapping or nearly, and, by the Mahalanobis distance of their four
  * parameters, in the same place. */
 bool line_same(const line *a, const line *b, const scene *s, bool turned);
+
+/* Whether what was seen as b, which is not settled since the camera moved along it, is where the
+ * settled line a is: of the same polarity, on it, and off it by no more than the noise. */
+bool line_explains(const line *a, const line *b, const scene *s);
 
 /* Two lines' kept views become one line's, a's. */
 void line_absorb(line *a, const line *b, const scene *s);

@@ -38,8 +38,7 @@ static bool has_ends(const line *l, const arris_line *o) {
 /* Whether the views are of no one edge: what slides, as an arc or a texture does, strays by more
  * than the poses explain. */
 static bool strays(const line *l, const scene *s) {
-    double px = sqrt(arris_dot(l->kept[0].plane, l->kept[0].plane)) / l->depth;
-    double pose = 2 * px * s->noise.position;
+    double pose = 2 * line_pose_px(l, s);
     return l->all.squares > (STRAY * STRAY + pose * pose) * 2 * l->all.n;
 }
 

@@ -10,6 +10,10 @@ static const double GATE = 18.5;      /* chi-square of 4 degrees of freedom: one
 static const double GAP = 5;          /* px that may lie between the two */
 static const double NEAR = 0.01;      /* of the distance: farther apart, they are never the same */
 static const double COS_TURN = 0.9;   /* between their directions: 25° */
+static const double CLOSE = 1;        /* px: what is seen farther off is another edge */
+static const double FAR = 0.05;       /* of the distance, that the camera must have moved */
+static const double SLANT = 0.05;     /* rad: and within this of the line's direction */
+static const double SHARE = 0.8;      /* of a line's views that another line must explain */
 static const double INDISTINCT = 0.2; /* px: nearer than this, edges are not told apart */
 
 /* The place on l of the point P, and its offsets along l's a and b. */
@@ -55,6 +59,8 @@ static bool near(const double offset[4], double limit, bool depth) {
 
 bool line_same(const line *a, const line *b, const scene *s, bool turned) {
     double place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]};
+    if (a->parted || b->parted) /* it was told apart when its uncertainty was its own */
+        return false;
     if (turned && arris_dot(a->kept[a->n_kept - 1].step, b->kept[b->n_kept - 1].step) > 0)
         return false; /* an estimate is, the edge is not */
     for (int i = 0; i < 2; i++) {
@@ -73,4 +79,28 @@ bool line_same(const line *a, const line *b, const scene *s, bool turned) {
     if (!a->settled) /* their depth was guessed, at two times */
         S.m[0][0] += a->depth * a->depth, S.m[2][2] += a->depth * a->depth;
     return mat4_invert(&S, &inverse) && mat4_form(&inverse, offset, offset) < GATE;
+}
+
+/* Whether what was seen in v is on the line, along it and no farther off than the noise. `pixel` is
+ * what one measures, rad. */
+static bool stands_on(const line *a, const view *v, double pixel, const scene *s) {
+    linear r;
+    if (!view_linearise(v, &a->f, a->x, &s->noise, &r))
+        return false;
+    double middle = (r.s[0] + r.s[1]) / 2, length = (r.s[1] - r.s[0]) * a->f.h;
+    return length > COS_TURN * 2 * v->half * pixel * r.depth && a->ends[0] < middle &&
+           middle < a->ends[1] && linear_distance(&r, &a->cov) < GATE * a->scale &&
+           fabs(r.r[0]) < CLOSE && fabs(r.r[1]) < CLOSE;
+}
+
+bool line_explains(const line *a, const line *b, const scene *s) {
+    uint32_t missed = 0;
+    double moved = line_baseline(b), swing = b->swing[1] - b->swing[0];
+    double pixel = sqrt(arris_dot(b->kept[0].step, b->kept[0].step)); /* rad */
+    if (moved < FAR * a->depth || swing * a->depth > SLANT * moved)
+        return false;
+    double may_miss = (1 - SHARE) * b->n_kept;
+    for (uint32_t i = 0; i < b->n_kept && missed <= may_miss; i++)
+        missed += !stands_on(a, &b->kept[i], pixel, s);
+    return missed <= may_miss;
 }

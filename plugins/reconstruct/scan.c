@@ -2,64 +2,16 @@
  *
  * scan.c: the lines of a scan (scan.h).
  */
-#include "scan.h"
-
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "line.h"
-#include "noise.h"
-#include "shift.h"
+#include "entries.h"
 
-typedef struct entry {
-    line l;
-    arris_line out;
-    bool tracked;         /* by a track that is alive */
-    bool changed;         /* got a view in this frame */
-    bool agreed;          /* that was where it was expected */
-    bool listed;          /* told of */
-    bool leaving;         /* merged or retired; gone with the next frame */
-    bool judged;          /* whether to split it */
-    double contradiction; /* chi-square; see line_contradiction */
-    uint32_t next_merge;  /* when the line has seen so many views */
-    uint32_t at;          /* `frames` when it was last seen, */
-    double stretch[2][3]; /* and from where to where on the line, mm */
-    double residual;      /* of this frame's view; 0: none */
-    double before;        /* of the frame before */
-    double told[6];       /* the ends when they were last said to have moved */
-} entry;
-
-typedef struct link {
-    int32_t track;
-    entry *e; /* NULL: the place is free */
-} link;
-
-struct scan {
-    scan_params p;
-    scene scene;
-    noise noise;
-    shifts *shifts;           /* for the end */
-    entry *pool, **alive;     /* n in the order they came, then the free ones */
-    uint32_t n, frames, lost; /* lost: in the last frame */
-    uint32_t linked, refused; /* tracks of this frame; those that found no room */
-    int32_t newest;           /* the highest track that ever was */
-    bool all_linked;          /* `before` has the lines without a track, too */
-    link *now, *before;       /* hashed by track: of this frame and of the one before */
-    uint32_t mask;
-    int32_t splits;  /* lines that began by a split */
-    double weighted; /* mm: the noise of the positions by which the lines were last weighted */
-    uint32_t next_weighing; /* when `frames` is this */
-};
-
-enum { ESTABLISHED = 10 };             /* views after which a line is no accident */
-enum { SPLIT = 1 << 30 };              /* the first id of a line that began by a split */
-enum { SHIFTS = 4096 };                /* frames whose poses are corrected apart */
-enum { ROUNDS = 16 };                  /* of splitting */
-static const double SUDDEN = 40;       /* chi-square over the noise's by which views contradict */
-static const double WORST = 0.9;       /* of the most */
-static const double CHANGED = 0.3;     /* relative, of the noise's variance */
-static const double INDISTINCT = 1e-5; /* of the depth: less of it does not show */
+enum { ESTABLISHED = 10 };                /* views after which a line is no accident */
+enum { SHIFTS = 4096 };                   /* frames whose poses are corrected apart */
+static const double CHANGED = 0.3;        /* relative, of the noise's variance */
+static const double INDISTINCT = 1e-5;    /* of the depth: less of it does not show */
 static const double TYPICAL_DEPTH = 1000; /* mm, until a line is measured */
 
 scan *scan_new(const scan_params *p) {
@@ -110,8 +62,7 @@ static link *find(const scan *s, link *table, int32_t track) {
     return &table[i];
 }
 
-/* A line that nothing is told of yet. */
-static void prepare(const scan *s, entry *e, int32_t id) {
+void entry_prepare(const scan *s, entry *e, int32_t id) {
     memset(&e->out, 0, sizeof *e - offsetof(entry, out));
     e->l.id = e->out.id = id;
     e->out.into = -1;
@@ -125,7 +76,7 @@ static entry *begin(scan *s, int32_t track) {
     }
     entry *e = s->alive[s->n++];
     line_begin(&e->l, track);
-    prepare(s, e, track);
+    entry_prepare(s, e, track);
     e->l.next_fit = (uint32_t)s->p.min_views; /* nothing is told of it before */
     return e;
 }
@@ -158,7 +109,7 @@ void scan_add(scan *s, int32_t track, view *v) {
         return;
     if (v) {
         line_align(&e->l, v);
-        e->at = s->frames;
+        v->frame = e->at = s->frames;
         for (int i = 0; i < 2; i++)
             frame_point(&e->l.f, e->l.x, view_place(v, &e->l.f, e->l.x, i ? v->half : -v->half),
                         e->stretch[i]);
@@ -169,114 +120,17 @@ void scan_add(scan *s, int32_t track, view *v) {
     if (!v)
         return;
     linear r;
-    view here = *v;
-    here.frame = s->frames;
-    bool taken = line_add(&e->l, &here, &s->scene, &r);
+    bool taken = line_add(&e->l, v, &s->scene, &r);
     if (taken && e->l.all.n > ESTABLISHED)
         e->residual = noise_add(&s->noise, v, &r, e->before);
     e->agreed |= taken;
     e->changed = true;
 }
 
-/* ---- one line per edge ---------------------------------------------------------------------- */
-
-/* The tracks of `from` go on as those of `to`. */
-static void relink(scan *s, const entry *from, entry *to) {
-    for (uint32_t i = 0; i <= s->mask; i++)
-        if (s->now[i].e == from)
-            s->now[i].e = to;
-}
-
-static void leave(entry *e, enum arris_line_change why, int32_t into) {
+void entry_leave(entry *e, enum arris_line_change why, int32_t into) {
     e->leaving = true;
     e->out.change = why;
     e->out.into = into;
-}
-
-static void merge(scan *s, entry *a, entry *b) {
-    line_absorb(&a->l, &b->l, &s->scene);
-    a->tracked |= b->tracked;
-    a->changed = true;
-    relink(s, b, a);
-    leave(b, ARRIS_MERGED, a->out.id);
-}
-
-/* Whether both were last seen in one frame, and beside each other. */
-static bool side_by_side(const entry *a, const entry *b) {
-    double u[3], from = 0, to = 0;
-    for (int i = 0; i < 3; i++)
-        u[i] = a->stretch[1][i] - a->stretch[0][i];
-    double length = arris_unit(u);
-    for (int i = 0; i < 3; i++) {
-        from += u[i] * (b->stretch[0][i] - a->stretch[0][i]);
-        to += u[i] * (b->stretch[1][i] - a->stretch[0][i]);
-    }
-    return a->at == b->at && fmax(from, to) > 0 && fmin(from, to) < length;
-}
-
-/* Whether two lines are one edge. That may be seen in either polarity, but not in both at once. */
-static bool same_edge(const scan *s, const entry *a, const entry *b) {
-    return line_same(&a->l, &b->l, &s->scene, false) ||
-           (a->l.settled && !side_by_side(a, b) && line_same(&a->l, &b->l, &s->scene, true));
-}
-
-/* Merges the line with each that is the same edge, into the older one. */
-static void merge_with_others(scan *s, uint32_t index) {
-    entry *e = s->alive[index];
-    e->next_merge = e->l.seen + 1 + e->l.seen / 4;
-    for (uint32_t i = 0; i < s->n && !e->leaving; i++) {
-        entry *o = s->alive[i];
-        if (i == index || o->leaving || !o->listed || o->l.settled != e->l.settled ||
-            !same_edge(s, o, e))
-            continue;
-        merge(s, i < index ? o : e, i < index ? e : o);
-    }
-}
-
-/* Two lines where the track went over to another edge; it goes on as that of the newest views. */
-static void split(scan *s, entry *e) {
-    bool last;
-    if (s->n == (uint32_t)s->p.max_lines)
-        return;
-    entry *o = s->alive[s->n];
-    if (!line_split(&e->l, &o->l, &s->scene, &last))
-        return;
-    prepare(s, o, SPLIT + s->splits++);
-    o->changed = true;
-    o->tracked = last && e->tracked;
-    if (last) {
-        relink(s, e, o);
-        e->tracked = false;
-    }
-    s->n++;
-}
-
-/* Splits the lines that contradict themselves the most, each once; the others may only look so, by
- * their correction. False when there are none. */
-static bool split_worst(scan *s) {
-    double most = SUDDEN;
-    for (uint32_t i = 0; i < s->n; i++) {
-        entry *e = s->alive[i];
-        bool asked = e->listed && !e->leaving && !e->judged;
-        e->contradiction = asked ? line_contradiction(&e->l, &s->scene) : 0;
-        most = fmax(most, e->contradiction);
-    }
-    for (uint32_t i = 0, n = s->n; i < n && most > SUDDEN; i++) {
-        entry *e = s->alive[i];
-        if (e->contradiction < WORST * most)
-            continue;
-        e->judged = true;
-        split(s, e);
-    }
-    return most > SUDDEN;
-}
-
-static void merge_all(scan *s) {
-    for (uint32_t i = 0; i < s->n; i++) {
-        const entry *e = s->alive[i];
-        if (!e->leaving && e->listed && e->changed && e->l.seen >= e->next_merge)
-            merge_with_others(s, i);
-    }
 }
 
 /* ---- what is told --------------------------------------------------------------------------- */
@@ -322,9 +176,13 @@ static void tell(scan *s, entry *e) {
 /* The scene's scale is the lines' geometric mean, in which a wrong line weighs little. */
 static void update_typical(scan *s) {
     double depth = 0, scale = 0, n = 0;
+    bool any = false;
+    for (uint32_t i = 0; i < s->n; i++)
+        any |= s->alive[i]->out.state == ARRIS_MEASURED && s->alive[i]->listed;
     for (uint32_t i = 0; i < s->n; i++) {
         const line *l = &s->alive[i]->l;
-        if (!l->settled || l->all.n <= ESTABLISHED)
+        if (!l->settled || l->all.n <= ESTABLISHED ||
+            (any && s->alive[i]->out.state != ARRIS_MEASURED))
             continue;
         depth += log(l->depth);
         scale += log(line_chi2(l) / (2.0 * l->all.n - 4) + 1e-3);
@@ -383,12 +241,12 @@ static void retire(scan *s) {
         if (e->tracked || e->leaving || e->out.state == ARRIS_MEASURED)
             continue;
         if (e->l.seen < ESTABLISHED)
-            leave(e, ARRIS_RETIRED, -1);
+            entry_leave(e, ARRIS_RETIRED, -1);
         else if (!least || e->l.seen < least->l.seen)
             least = e;
     }
     if (least && s->n == (uint32_t)s->p.max_lines)
-        leave(least, ARRIS_RETIRED, -1);
+        entry_leave(least, ARRIS_RETIRED, -1);
 }
 
 static void next_frame(scan *s) {
@@ -411,7 +269,7 @@ void scan_end_frame(scan *s, bool counts) {
     s->frames += counts;
     drop(s);
     update_scene(s);
-    merge_all(s);
+    unite_merge(s);
     for (uint32_t i = 0; i < s->n; i++) {
         entry *e = s->alive[i];
         if (e->leaving)
@@ -424,23 +282,8 @@ void scan_end_frame(scan *s, bool counts) {
     next_frame(s);
 }
 
-/* Corrects the poses by what the lines say, and refines the lines by them. */
-static void correct(scan *s) {
-    shifts_begin(s->shifts, s->frames, &s->scene);
-    for (uint32_t i = 0; i < s->n; i++)
-        if (s->alive[i]->l.settled)
-            shifts_add(s->shifts, &s->alive[i]->l, &s->scene);
-    for (uint32_t i = 0; i < s->n; i++) {
-        line *l = &s->alive[i]->l;
-        shifts_set(s->shifts, l, &s->scene, l->settled);
-    }
-    s->scene.noise.corrected = true;
-    for (uint32_t i = 0; i < s->n; i++)
-        if (s->alive[i]->l.settled)
-            line_refine(&s->alive[i]->l, &s->scene);
-}
-
 void scan_finish(scan *s) {
+    drop(s);
     for (uint32_t i = 0; i < s->n; i++) {
         entry *e = s->alive[i];
         e->changed = true;
@@ -451,21 +294,15 @@ void scan_finish(scan *s) {
     update_typical(s);
     for (uint32_t i = 0; i < s->n; i++)
         line_complete(&s->alive[i]->l, &s->scene);
-    double memory = s->scene.memory;
-    s->scene.memory = 1;
-    for (int i = 0; i < ROUNDS; i++) {
-        correct(s);
-        if (!split_worst(s))
-            break;
-    }
-    s->scene.memory = memory;
-    merge_all(s);
-    drop(s);
+    unite_finish(s);
     s->scene.noise.corrected = false;
     for (uint32_t i = 0; i < s->n; i++) {
-        if (s->alive[i]->l.settled)
-            line_weigh(&s->alive[i]->l, &s->scene);
-        tell(s, s->alive[i]);
+        entry *e = s->alive[i];
+        if (e->leaving)
+            continue;
+        if (e->l.settled)
+            line_weigh(&e->l, &s->scene);
+        tell(s, e);
     }
 }
 

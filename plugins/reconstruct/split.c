@@ -15,9 +15,10 @@
 static const double ELSEWHERE = 0.12; /* px, rms, from the line where another line is seen */
 static const double RESOLVED = 2;     /* px: edges that are farther apart do not move each other */
 static const double SHARE = 0.5;      /* of the distance between them, by which they do, at most */
-static const double REACH = 3;        /* px: what is farther off is of something else */
-static const double WORTH = 0.7;      /* dropping views must bring the variance to this share */
-enum { LEAST = 4, STEP = 2 };         /* kept views of a run; steps of its search */
+static const double LEFT = 0.35; /* of what moved a line in views that are dropped, in others */
+static const double REACH = 3;   /* px: what is farther off is of something else */
+static const double WORTH = 0.7; /* dropping views must bring the variance to this share */
+enum { LEAST = 4, STEP = 2 };    /* kept views of a run; steps of its search */
 
 /* ---- which run ------------------------------------------------------------------------------ */
 
@@ -134,7 +135,8 @@ static bool elsewhere(const line *a, line *b, const scene *s) {
     double variances, rest, away = off(a, b, s, &variances), own = off(b, b, s, &rest);
     if (!b->settled || away < ELSEWHERE * ELSEWHERE || away < 4 * own || line_same(a, b, s, false))
         return false;
-    b->blend = away < RESOLVED * RESOLVED ? SHARE * SHARE * variances : 0;
+    b->parted = away < RESOLVED * RESOLVED;
+    b->blend = b->parted ? SHARE * SHARE * variances : 0;
     return true;
 }
 
@@ -201,14 +203,30 @@ bool line_split(line *l, line *other, const scene *s, bool *last) {
         return true;
     add_up(&u, l, s);
     run r = find_run(&u, s->scale, false);
+    if (r.from == r.to)
+        return false;
     *last = part(l, s, &u, &r, &best, other) != (r.to == l->n_kept);
-    if (elsewhere(&best, other, s)) {
-        memcpy(l, &best, sizeof *l);
-        return true;
-    }
-    r = find_run(&u, s->scale, true);
-    part(l, s, &u, &r, &best, other);
-    if (uncertainty(&best, s) < WORTH * uncertainty(l, s))
-        memcpy(l, &best, sizeof *l);
-    return false;
+    if (!elsewhere(&best, other, s))
+        return false;
+    memcpy(l, &best, sizeof *l);
+    return true;
+}
+
+void line_prune(line *l, const scene *s) {
+    sums u;
+    line best, other;
+    add_up(&u, l, s);
+    run r = find_run(&u, s->scale, true);
+    if (r.from == r.to)
+        return;
+    part(l, s, &u, &r, &best, &other);
+    scene reported = *s; /* the poses: fewer views average them less */
+    reported.noise.corrected = false;
+    if (uncertainty(&best, s) + uncertainty(&best, &reported) >=
+        WORTH * (uncertainty(l, s) + uncertainty(l, &reported)))
+        return;
+    double variances;
+    off(&best, &other, s, &variances);
+    best.blend = LEFT * LEFT * variances;
+    memcpy(l, &best, sizeof *l);
 }

@@ -1,0 +1,152 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * unite.c: one line per edge, one edge per line (entries.h). The tracks of an edge that was seen as
+ * several become one line; a track that went from one edge over to another becomes two.
+ */
+#include <math.h>
+
+#include "entries.h"
+
+enum { SPLIT = 1 << 30 };        /* the first id of a line that began by a split */
+enum { ROUNDS = 16 };            /* of splitting at the end, at most */
+static const double SUDDEN = 40; /* chi-square over the noise's by which views contradict */
+static const double WORST = 0.9; /* of the most */
+
+/* ---- merging -------------------------------------------------------------------------------- */
+
+/* The tracks of `from` go on as those of `to`. */
+static void relink(scan *s, const entry *from, entry *to) {
+    for (uint32_t i = 0; i <= s->mask; i++)
+        if (s->now[i].e == from)
+            s->now[i].e = to;
+}
+
+/* b becomes part of a. The views of the one that is settled are the better start. */
+static void merge(scan *s, entry *a, entry *b) {
+    if (b->l.settled && !a->l.settled) {
+        line swap = a->l;
+        a->l = b->l;
+        b->l = swap;
+        a->l.id = a->out.id;
+    }
+    line_absorb(&a->l, &b->l, &s->scene);
+    a->tracked |= b->tracked;
+    a->changed = true;
+    relink(s, b, a);
+    entry_leave(b, ARRIS_MERGED, a->out.id);
+}
+
+/* Whether both were last seen in one frame, and beside each other. */
+static bool side_by_side(const entry *a, const entry *b) {
+    double u[3], from = 0, to = 0;
+    for (int i = 0; i < 3; i++)
+        u[i] = a->stretch[1][i] - a->stretch[0][i];
+    double length = arris_unit(u);
+    for (int i = 0; i < 3; i++) {
+        from += u[i] * (b->stretch[0][i] - a->stretch[0][i]);
+        to += u[i] * (b->stretch[1][i] - a->stretch[0][i]);
+    }
+    return a->at == b->at && fmax(from, to) > 0 && fmin(from, to) < length;
+}
+
+/* Whether two lines are one edge. That may be seen in either polarity, but not in both at once. */
+static bool same_edge(const scan *s, const entry *a, const entry *b) {
+    if (a->l.settled != b->l.settled)
+        return a->l.settled ? line_explains(&a->l, &b->l, &s->scene)
+                            : line_explains(&b->l, &a->l, &s->scene);
+    return line_same(&a->l, &b->l, &s->scene, false) ||
+           (a->l.settled && !side_by_side(a, b) && line_same(&a->l, &b->l, &s->scene, true));
+}
+
+/* Merges the line with each that is the same edge, into the older one. */
+static void merge_with_others(scan *s, uint32_t index) {
+    entry *e = s->alive[index];
+    e->next_merge = e->l.seen + 1 + e->l.seen / 4;
+    for (uint32_t i = 0; i < s->n && !e->leaving; i++) {
+        entry *o = s->alive[i];
+        if (i == index || o->leaving || !o->listed || !same_edge(s, o, e))
+            continue;
+        merge(s, i < index ? o : e, i < index ? e : o);
+    }
+}
+
+void unite_merge(scan *s) {
+    for (uint32_t i = 0; i < s->n; i++) {
+        const entry *e = s->alive[i];
+        if (!e->leaving && e->listed && e->changed && e->l.seen >= e->next_merge)
+            merge_with_others(s, i);
+    }
+}
+
+/* ---- splitting ------------------------------------------------------------------------------ */
+
+/* Two lines where the track went over to another edge; it goes on as that of the newest views.
+ * False where it did not. */
+static bool split(scan *s, entry *e) {
+    bool last;
+    if (s->n == (uint32_t)s->p.max_lines)
+        return false;
+    entry *o = s->alive[s->n];
+    if (!line_split(&e->l, &o->l, &s->scene, &last))
+        return false;
+    entry_prepare(s, o, SPLIT + s->splits++);
+    o->changed = true;
+    o->tracked = last && e->tracked;
+    if (last) {
+        relink(s, e, o);
+        e->tracked = false;
+    }
+    s->n++;
+    return true;
+}
+
+/* ---- at the end ----------------------------------------------------------------------------- */
+
+/* Splits the lines that contradict themselves the most, each once; the others may only look so, by
+ * their correction. False when there are none. */
+static bool split_worst(scan *s) {
+    double most = SUDDEN;
+    for (uint32_t i = 0; i < s->n; i++) {
+        entry *e = s->alive[i];
+        bool asked = e->listed && !e->leaving && !e->judged;
+        e->contradiction = asked ? line_contradiction(&e->l, &s->scene) : 0;
+        most = fmax(most, e->contradiction);
+    }
+    for (uint32_t i = 0, n = s->n; i < n && most > SUDDEN; i++) {
+        entry *e = s->alive[i];
+        if (e->contradiction < WORST * most)
+            continue;
+        e->judged = true;
+        if (!split(s, e))
+            line_prune(&e->l, &s->scene);
+    }
+    return most > SUDDEN;
+}
+
+/* Corrects the poses by what the lines say, and the lines by them. */
+static void correct(scan *s) {
+    shifts_begin(s->shifts, s->frames, &s->scene);
+    for (uint32_t i = 0; i < s->n; i++)
+        if (s->alive[i]->l.settled)
+            shifts_add(s->shifts, &s->alive[i]->l, &s->scene);
+    for (uint32_t i = 0; i < s->n; i++) {
+        line *l = &s->alive[i]->l;
+        shifts_set(s->shifts, l, &s->scene, l->settled);
+    }
+    s->scene.noise.corrected = true;
+    for (uint32_t i = 0; i < s->n; i++)
+        if (s->alive[i]->l.settled)
+            line_refine(&s->alive[i]->l, &s->scene);
+}
+
+void unite_finish(scan *s) {
+    double memory = s->scene.memory; /* of the poses: corrected, they have none */
+    s->scene.memory = 1;
+    for (int i = 0; i < ROUNDS; i++) {
+        correct(s);
+        if (!split_worst(s))
+            break;
+    }
+    s->scene.memory = memory;
+    unite_merge(s);
+}
