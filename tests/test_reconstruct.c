@@ -376,8 +376,7 @@ static double none(double t) {
 /* As a scan does at its end. */
 static void part(line *l) {
     line other;
-    bool last;
-    if (line_contradiction(l, &known) > 40 && !line_split(l, &other, &known, &last))
+    if (line_contradiction(l, &known) > 40 && !line_split(l, &other, &known))
         line_prune(l, &known);
 }
 

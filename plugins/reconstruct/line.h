@@ -87,9 +87,9 @@ double line_disagreement(const info *group, uint32_t n, double expected, mat4 *C
 double line_contradiction(const line *l, const scene *s);
 
 /* Parts a settled line whose views contradict each other. When they are of two edges, those of the
- * one that tells less go to *other, a line of the same id, and this returns true; *last tells
- * whether the newest views are among those. Otherwise the line is as it was. */
-bool line_split(line *l, line *other, const scene *s, bool *last);
+ * one that tells less go to *other, a line of the same id, and this returns true. Otherwise the
+ * line is as it was. */
+bool line_split(line *l, line *other, const scene *s);
 
 /* Of a settled line whose views contradict each other although they are of one edge, that is seen
  * worse before or after some view: drops those when the line is the better for it. */

@@ -152,11 +152,10 @@ static run find_rejected(const line *l) {
 }
 
 /* Another edge that the track was on for a while, out of the line's reach. */
-static bool part_rejected(line *l, line *other, const scene *s, bool *last) {
+static bool part_rejected(line *l, line *other, const scene *s) {
     run r = find_rejected(l);
     if (r.to - r.from < 2 * LEAST)
         return false;
-    *last = r.to == l->n_kept;
     part_of(other, l, s, &r, true, NULL);
     if (!elsewhere(l, other, s))
         return false;
@@ -176,19 +175,17 @@ static double uncertainty(const line *l, const scene *s) {
                : (double)INFINITY;
 }
 
-/* The lines of the run and of the rest; the more certain one goes to *best. True when that is the
- * run's. */
-static bool part(const line *l, const scene *s, const sums *u, const run *r, line *best,
+/* The lines of the run and of the rest; the more certain one goes to *best. */
+static void part(const line *l, const scene *s, const sums *u, const run *r, line *best,
                  line *other) {
     double x[4], y[4];
     two_lines(u, r->from, r->to, x, y);
     part_of(best, l, s, r, true, x);
     part_of(other, l, s, r, false, y);
     if (uncertainty(best, s) <= uncertainty(other, s))
-        return true;
+        return;
     part_of(best, l, s, r, false, y);
     part_of(other, l, s, r, true, x);
-    return false;
 }
 
 double line_contradiction(const line *l, const scene *s) {
@@ -196,16 +193,16 @@ double line_contradiction(const line *l, const scene *s) {
     return l->settled ? add_up(&u, l, s), find_run(&u, s->scale, false).gain : 0;
 }
 
-bool line_split(line *l, line *other, const scene *s, bool *last) {
+bool line_split(line *l, line *other, const scene *s) {
     sums u;
     line best;
-    if (part_rejected(l, other, s, last))
+    if (part_rejected(l, other, s))
         return true;
     add_up(&u, l, s);
     run r = find_run(&u, s->scale, false);
     if (r.from == r.to)
         return false;
-    *last = part(l, s, &u, &r, &best, other) != (r.to == l->n_kept);
+    part(l, s, &u, &r, &best, other);
     if (!elsewhere(&best, other, s))
         return false;
     memcpy(l, &best, sizeof *l);

@@ -80,22 +80,15 @@ void unite_merge(scan *s) {
 
 /* ---- splitting ------------------------------------------------------------------------------ */
 
-/* Two lines where the track went over to another edge; it goes on as that of the newest views.
- * False where it did not. */
+/* Two lines where the track went over to another edge. False where it did not. */
 static bool split(scan *s, entry *e) {
-    bool last;
     if (s->n == (uint32_t)s->p.max_lines)
         return false;
     entry *o = s->alive[s->n];
-    if (!line_split(&e->l, &o->l, &s->scene, &last))
+    if (!line_split(&e->l, &o->l, &s->scene))
         return false;
     entry_prepare(s, o, SPLIT + s->splits++);
     o->changed = true;
-    o->tracked = last && e->tracked;
-    if (last) {
-        relink(s, e, o);
-        e->tracked = false;
-    }
     s->n++;
     return true;
 }
