@@ -16,7 +16,7 @@
 #include "format.h"
 
 enum { SLICE = 100 /* ms */ };
-static const int64_t incredible = 2000000000; /* ns, between a stamp and now */
+static const int64_t incredible = 60000000000; /* ns, between a stamp and now */
 
 struct v4l2src {
     const char *wanted, *input, *standard, *controls;

@@ -11,7 +11,7 @@
 
 #include "bytes.h"
 #include "find.h"
-#include "image/frames.h"
+#include "frames.h"
 #include "image/picture.h"
 
 enum { MAX_FILE = 1 << 30 };

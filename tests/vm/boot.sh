@@ -128,7 +128,7 @@ code=0
 timeout --foreground "$seconds" qemu-system-x86_64 -M pc -nodefaults -no-user-config -display none \
     -no-reboot -monitor none -serial stdio -accel tcg,thread=multi -cpu max -smp 2 \
     -m "${ARRIS_VM_MEMORY:-1024}" -kernel "$cache/kernel/boot/kernel" -initrd "$root.cpio" \
-    -device isa-debug-exit,iobase=0xf4,iosize=0x04 -append "console=ttyS0 quiet loglevel=3 panic=-1 \
+    -device isa-debug-exit,iobase=0xf4,iosize=0x04 -append "console=ttyS0 quiet loglevel=3 oops=panic panic=-1 \
     tsc=reliable no_timer_check mitigations=off random.trust_cpu=on nokaslr" </dev/null || code=$?
 if [ $code = 124 ]; then
     echo "boot.sh: it takes more than $seconds s" >&2

@@ -352,7 +352,8 @@ static void write_header(uint8_t *p, bool last) {
 static void fill_bulk(const request *r) {
     static uint8_t data[1 << 20];
     size_t n = 0;
-    if (is_turn(STALL) && cam.sent > cam.size / 3 && once(STALL)) {
+    bool middle = cam.sent > cam.size / 3 || r->length > cam.size;
+    if (is_turn(STALL) && middle && once(STALL)) {
         cam.halted = cam.again = true;
         cam.begun = false;
         answer(r->number, -EPIPE, NULL, 0);
