@@ -183,7 +183,6 @@ INLINE void link_row(linker *l, const edgels *e, int y, enum path path) {
 }
 
 /* A row is taken up one before its bytes are read, so that they are sure to be stored by then. */
-/* A row is taken up one before its bytes are read, so that they are sure to be stored by then. */
 INLINE void link_rows(linker *l, const edgels *e, int height, enum path path) {
     for (int k = 0; k < LINK_KEPT; k++)
         memset(l->set[k], 0, l->width);
