@@ -7,6 +7,7 @@
 #define CROWD_H
 
 #include <stdbool.h>
+#include <string.h>
 
 #include "arris_geometry.h"
 #include "lanes.h"
@@ -29,20 +30,31 @@ void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arr
 /* Adds a point of the picture. */
 void crowd_add(crowd *c, float x, float y);
 
-/* The distance in px from pixel `at` of row `line` (of a column when `column`) to the nearest point
- * in it that is more than `own` px away, own < CROWD_REACH; CROWD_REACH + 1 when there is none. The
- * pixel must be in the picture. */
-INLINE int crowd_nearest(const crowd *c, bool column, int line, int at, int own) {
-    unsigned bit = (unsigned)at + 64 - CROWD_REACH, side = (unsigned)(CROWD_REACH - own);
-    const uint64_t *w = c->bits[column] + (size_t)line * c->stride[column] + bit / 64;
-    uint64_t bits = w[0] >> bit % 64 | w[1] << 1 << (63 - bit % 64);
-    /* the one nearest to the pixel is bit `side` before it and bit 0 after it; another bit beyond
-     * the reach stands for none */
-    uint32_t before = (uint32_t)bits << 1 & ((2u << side) - 1);
-    uint32_t after = (uint32_t)(bits >> (CROWD_REACH + 1 + own));
-    int left = __builtin_clz(before | 1) - (31 - (int)side);
-    int right = __builtin_ctz(after | 1u << side);
-    return own + 1 + (left < right ? left : right);
+/* The points around pixel `at` of row `line` (of a column when `column`): those CROWD_REACH px to
+ * either side, from the lowest bit on. The pixel must be in the picture. Little-endian, as all our
+ * targets are. */
+INLINE int32_t crowd_around(const crowd *c, bool column, int line, int at) {
+    unsigned bit = (unsigned)at + 64 - CROWD_REACH;
+    const uint64_t *words = c->bits[column] + (size_t)line * c->stride[column];
+    uint32_t bits;
+    memcpy(&bits, (const uint8_t *)words + bit / 8, sizeof bits);
+    return (int32_t)(bits >> bit % 8);
+}
+
+/* Of eight pixels, the distance in px to the nearest of the points around them that is more than
+ * `own` px away, own < CROWD_REACH; CROWD_REACH + 1 when there is none. */
+INLINE void crowd_nearest(const eight_ints *around, int own, eight_ints *distance) {
+    /* the nearest one is bit `side` before the pixel and bit 0 after it; another bit beyond the
+     * reach stands for none */
+    int side = CROWD_REACH - own;
+    eight_ints before = (*around << 1 & ((2 << side) - 1)) | 1;
+    eight_ints after = *around >> (CROWD_REACH + 1 + own) | 1 << side;
+    after &= -after;
+    /* a float's exponent is the place of the highest bit */
+    eight_ints left = (eight_ints) __builtin_convertvector(before, eight) >> 23;
+    eight_ints right = (eight_ints) __builtin_convertvector(after, eight) >> 23;
+    left = side + 127 - left, right -= 127;
+    *distance = own + 1 + EIGHT_LEAST(left, right);
 }
 
 #endif

@@ -40,4 +40,8 @@ INLINE float eight_sum(const eight *a) {
 #define EIGHT_CHOOSE(where, a, b)                                                                  \
     ((eight)(((eight_ints)(a) & (where)) | ((eight_ints)(b) & ~(where))))
 
+/* The lesser and the greater of whole numbers */
+#define EIGHT_LEAST(a, b) (((a) & ((a) < (b))) | ((b) & ~((a) < (b))))
+#define EIGHT_MOST(a, b) (((a) & ((a) > (b))) | ((b) & ~((a) > (b))))
+
 #endif

@@ -51,7 +51,7 @@ refitter *refitter_new(int width, int height) {
     refitter *f = aligned_alloc(_Alignof(refitter), sizeof *f);
     if (!f)
         return NULL;
-    size_t room = ((size_t)(width > height ? width : height) / LANES + 1) * sizeof(eight);
+    size_t room = ((size_t)(width > height ? width : height) / LANES + 2) * sizeof(eight);
     int error = rows_init(&f->rows, width, height) | crowd_init(&f->crowd, width, height);
     f->offset = aligned_alloc(sizeof(eight), 2 * room);
     if (error || !f->offset) {

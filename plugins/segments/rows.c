@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * rows.c: traces a line through the picture's rows or columns and measures each (rows.h).
+ * rows.c: measures the rows of a line (rows.h).
  */
 #include "rows.h"
 
@@ -12,16 +12,13 @@
 #include <immintrin.h>
 #endif
 
-#define CLEAR 2.2     /* a neighbour's step is over at this many of its blurs */
 #define PULL 0.03     /* px by which a neighbour 3 px away moves an edge, about */
 #define PULL_FALL 2.2 /* px⁻¹ by which that falls */
-#define END 2.0       /* px along the line that a row keeps from the line's end */
-#define BLOCK 32.0    /* px over which a bent line is a parabola, to 0.001 px */
 
 enum { PROBES = 4, BLOCK_LINES = 16, BLOCK_PIXELS = 32 };
 
 int rows_init(rows *r, int width, int height) {
-    size_t n = (size_t)(width > height ? width : height) / LANES + 1;
+    size_t n = (size_t)(width > height ? width : height) / LANES + 2; /* whole eights are appended */
     *r = (rows){.max = (uint32_t)(LANES * n)};
     r->place = malloc(r->max * sizeof *r->place);
     eight *p = r->t = aligned_alloc(sizeof(eight), 10 * n * sizeof(eight));
@@ -44,171 +41,6 @@ int rows_init(rows *r, int width, int height) {
 void rows_free(rows *r) {
     free(r->place);
     free(r->t);
-}
-
-/* ---- where the line is ---------------------------------------------------------------------- */
-
-/* A point of the line in the picture: v is the number of the row, u the place in it. */
-typedef struct node {
-    double u, v, t;
-} node;
-
-/* A point `t` along the line and `d` to its right. */
-static node node_at(const rows *r, const row_line *l, double t, double d) {
-    double x = l->x + t * l->dx - d * l->dy, y = l->y + t * l->dy + d * l->dx;
-    if (r->lens)
-        arris_distort(r->lens, x, y, &x, &y);
-    return r->columns ? (node){y, x, t} : (node){x, y, t};
-}
-
-/* A value at the first row, its change to the next, and the change of that. */
-typedef struct course {
-    double value, step, bend;
-} course;
-
-/* The course from row `first` of the parabola that has three values at v. */
-static course through(const double v[3], double a, double b, double c, int first) {
-    double ab = (b - a) / (v[1] - v[0]), bc = (c - b) / (v[2] - v[1]);
-    double bend = (bc - ab) / (v[2] - v[0]), from0 = first - v[0], from1 = first - v[1];
-    return (course){a + from0 * (ab + from1 * bend), ab + (from0 + from1 + 1) * bend, 2 * bend};
-}
-
-/* A stretch of the line: how it crosses the rows first .. end - 1. */
-typedef struct stretch {
-    int first, end;
-    course u, t;     /* place in the row, and along the line from its middle */
-    course across;   /* px across the line per px of the row */
-    float per_along; /* px of the row per px along the line */
-    float to_end;    /* px from the line's middle to its end */
-    int clear;       /* px to keep from another edge */
-    int own;         /* px within which a point is this edge's */
-} stretch;
-
-/* How far one px along the row is across the line where its slope is du/dv. */
-static double across_at(const rows *r, const row_line *l, const node *a, double slope) {
-    node b = node_at(r, l, a->t, 1);
-    return 1 / (b.u - a->u - (b.v - a->v) * slope);
-}
-
-/* From t0 to t1. False when the line does not go through the rows one by one. */
-static bool stretch_make(const rows *r, const row_line *l, double t0, double t1, float blur,
-                         stretch *s) {
-    node a = node_at(r, l, t0, 0), m = node_at(r, l, (t0 + t1) / 2, 0), b = node_at(r, l, t1, 0);
-    if (a.v > b.v) {
-        node swap = a;
-        a = b, b = swap;
-    }
-    int lines = r->columns ? r->image->width : r->image->height;
-    if (!(m.v > a.v && b.v > m.v && a.v < lines && b.v > -1))
-        return false;
-    double v[3] = {a.v, m.v, b.v}, middle = l->length / 2;
-    double slope = (b.u - a.u) / (b.v - a.v), first, last;
-    s->first = a.v > 0 ? (int)ceil(a.v) : 0;
-    s->end = b.v < lines ? (int)ceil(b.v) : lines;
-    s->u = through(v, a.u, m.u, b.u, s->first);
-    s->t = through(v, a.t - middle, m.t - middle, b.t - middle, s->first);
-    first = across_at(r, l, &a, slope - s->u.bend / 2 * (b.v - a.v));
-    last = across_at(r, l, &b, slope + s->u.bend / 2 * (b.v - a.v));
-    s->across = through(v, first, (first + last) / 2, last, s->first);
-    s->per_along = (float)(sqrt(1 + slope * slope) / fmax(fabs(slope), 1e-3));
-    s->to_end = (float)middle;
-    s->clear = (int)((float)CLEAR * blur * r->slant + 0.5f);
-    s->own = s->clear < 4 ? 2 : s->clear < 10 ? s->clear / 2 : 5;
-    return true;
-}
-
-/* The half-width that another edge `d` px away leaves to a row, px. */
-INLINE int room_between(const stretch *s, int d) {
-    int middle = (d + 1) / 2;
-    return d - s->clear > middle ? d - s->clear : middle;
-}
-
-/* The one that the border and the line's end leave. `at` is the first pixel behind the line. */
-INLINE int room_inside(const stretch *s, int at, int width, float to_end) {
-    float before_end = (to_end - (float)END) * s->per_along;
-    int half = (int)(before_end < STEP_HALF ? before_end : STEP_HALF);
-    half = half < at ? half : at;
-    return half < width - at ? half : width - at;
-}
-
-/* Appends the rows of a stretch that have room. */
-INLINE void place(rows *r, const stretch *s) {
-    int width = r->columns ? r->image->height : r->image->width;
-    float *along = (float *)r->t, *across = (float *)r->across, *shift = (float *)r->shift;
-    course u = s->u, t = s->t, c = s->across;
-    float per_slant = 2 / r->slant, pull = 0;
-    uint32_t n = r->n, space = 0;
-    for (int i = s->first; i < s->end && n < r->max; i++) {
-        double x = u.value;
-        float to_end = s->to_end - fabsf(along[n] = (float)t.value);
-        across[n] = (float)c.value;
-        u.value += u.step, u.step += u.bend;
-        t.value += t.step, t.step += t.bend;
-        c.value += c.step;
-        if (!(x > 0 && x < width - 1))
-            continue;
-        int before = (int)x;
-        float part = (float)(x - before);
-        int half = room_inside(s, before + 1, width, to_end);
-        int near = crowd_nearest(r->crowd, r->columns, i, before + (part > 0.5f), s->own);
-        int between = room_between(s, near);
-        int cell = (int)(part * STEP_PHASES); /* a filter's phase counts from the pixel behind */
-        cell -= cell == STEP_PHASES;          /* rounded up */
-        half = half < between ? half : between;
-        shift[n] = part - ((float)cell + 0.5f) / STEP_PHASES;
-        r->place[n] =
-            (row_place){i, before + 1, (uint8_t)half,
-                        (uint8_t)((half - STEP_MIN) * STEP_PHASES + STEP_PHASES - 1 - cell)};
-        bool kept = half >= STEP_MIN;
-        pull += r->pulls[(int)((float)near * per_slant)] * (float)kept;
-        space += kept ? (uint32_t)half : 0;
-        n += kept;
-    }
-    r->n = n;
-    r->pull += pull;
-    r->room += space;
-}
-
-static void place_portable(rows *r, const stretch *s) {
-    place(r, s);
-}
-
-AVX2_PATH static void place_avx2(rows *r, const stretch *s) {
-    place(r, s);
-}
-
-/* Whether rows or columns cut the line, and how slantwise. */
-static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
-    r->columns = false;
-    node a = node_at(r, l, t0, 0), b = node_at(r, l, t1, 0);
-    double along = fabs(b.v - a.v), across = fabs(b.u - a.u);
-    r->columns = across > along;
-    double slope = r->columns ? along / across : across / along;
-    r->slant = slope < 1 ? (float)sqrt(1 + slope * slope) : (float)M_SQRT2;
-}
-
-/* Repeats the last row until they are whole eights. */
-static void fill_up(rows *r) {
-    float *t = (float *)r->t, *across = (float *)r->across, *shift = (float *)r->shift;
-    for (uint32_t i = r->n; i % LANES && r->n > 0; i++)
-        t[i] = t[i - 1], across[i] = across[i - 1], shift[i] = shift[i - 1];
-}
-
-void rows_trace(rows *r, const row_line *l, double trim, float blur) {
-    double t0 = trim, t1 = l->length - trim;
-    r->n = r->room = 0;
-    r->pull = 0;
-    if (!(t1 > t0))
-        return;
-    choose_rows(r, l, t0, t1);
-    int blocks = r->lens ? 1 + (int)((t1 - t0) / BLOCK) : 1;
-    for (int k = 0; k < blocks; k++) {
-        stretch s;
-        double from = t0 + (t1 - t0) * k / blocks, to = t0 + (t1 - t0) * (k + 1) / blocks;
-        if (stretch_make(r, l, from, to, blur, &s))
-            (HAS_AVX2 && !r->portable ? place_avx2 : place_portable)(r, &s);
-    }
-    fill_up(r);
 }
 
 /* ---- what is there -------------------------------------------------------------------------- */
