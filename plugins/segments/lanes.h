@@ -26,6 +26,7 @@ enum { LANES = 8 };
 
 /* The alignment is the same for all machines that a function is compiled for. */
 typedef float eight __attribute__((vector_size(32), aligned(16)));
+typedef float four __attribute__((vector_size(16)));
 typedef uint8_t bytes __attribute__((vector_size(16)));
 /* Of a comparison: all bits of a lane where it is true. */
 typedef int32_t eight_ints __attribute__((vector_size(32), aligned(16)));

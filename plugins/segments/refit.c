@@ -119,7 +119,7 @@ static void along(const row_sums *sum, int filter, double *middle, double *per_p
  * row that cuts the line aslant sees slopes. */
 static void find_levels(state *s, const rows *r) {
     const row_sums *sum = &r->sum;
-    double mean, fading, phi = (double)(sum->step / sum->weight[STEP_MEAN]);
+    double mean, fading, phi = (double)(sum->total[STEP_SUM] / sum->weight[STEP_MEAN]);
     along(sum, STEP_CONTRAST, &s->contrast[0], &s->contrast[1]);
     along(sum, STEP_MEAN, &mean, &fading);
     s->level = s->base + mean - s->contrast[0] * phi;
@@ -140,7 +140,7 @@ static void find_slopes(state *s, const row_sums *sum) {
         return;
     double z2 = fmax(kink * kink / wk, slope * slope / ws) / (s->noise * s->noise);
     double limit = SLOPED * SLOPED / z2;
-    double tilt = (double)(sum->tilt / sum->weight[STEP_CONTRAST]);
+    double tilt = (double)(sum->total[STEP_TILT] / sum->weight[STEP_CONTRAST]);
     if (limit >= 1 || tilt / s->contrast[0] > 0.5) /* that would explain the step away */
         return;
     s->lean = 1 - limit * limit;
@@ -153,7 +153,7 @@ static bool find_step(state *s, const rows *r) {
     const row_sums *sum = &r->sum;
     find_levels(s, r);
     find_slopes(s, sum);
-    double wider = (double)sum->answer[STEP_BLUR] - s->lean * (double)sum->flare;
+    double wider = (double)sum->answer[STEP_BLUR] - s->lean * (double)sum->total[STEP_FLARE];
     wider /= (double)sum->weight[STEP_BLUR] * s->contrast[0];
     s->widen = tells_blur(r) ? fmax(-0.5, fmin(0.5, wider)) : 0;
     double contrast = (*r->across)[0] > 0 ? s->contrast[0] : -s->contrast[0];
@@ -213,7 +213,9 @@ static void move(row_line *l, double offset, double angle) {
 /* What the rows leave over, per degree of freedom, in sigma²; 0 without freedom. */
 static double shape(const state *s, const row_sums *sum) {
     double rest = (double)(eight_sum(&sum->squares) - eight_sum(&sum->explained));
-    return sum->dof > 0 && rest > 0 ? rest / ((double)sum->dof * s->noise * s->noise) : 0;
+    return sum->total[STEP_DOF] > 0 && rest > 0
+               ? rest / ((double)sum->total[STEP_DOF] * s->noise * s->noise)
+               : 0;
 }
 
 /* Levels and blur, before anything is measured. */
@@ -267,7 +269,7 @@ static void result(const refitter *f, const state *s, arris_segment *out) {
     const row_line *l = &s->line;
     const row_sums *sum = &f->rows.sum;
     const double c = s->contrast[0], *w = s->step.normal, det = w[0] * w[2] - w[1] * w[1];
-    double dof = (double)sum->dof, lines_dof = f->rows.n - 2;
+    double dof = (double)sum->total[STEP_DOF], lines_dof = f->rows.n - 2;
     huber_data d = data_of(f);
     double grow =
         fmax(huber_beyond_chance(s->step.spread, lines_dof, CHANCE),

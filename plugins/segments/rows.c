@@ -18,7 +18,8 @@
 enum { PROBES = 4, BLOCK_LINES = 16, BLOCK_PIXELS = 32 };
 
 int rows_init(rows *r, int width, int height) {
-    size_t n = (size_t)(width > height ? width : height) / LANES + 2; /* whole eights are appended */
+    size_t n =
+        (size_t)(width > height ? width : height) / LANES + 2; /* whole eights are appended */
     *r = (rows){.max = (uint32_t)(LANES * n)};
     r->place = malloc(r->max * sizeof *r->place);
     eight *p = r->t = aligned_alloc(sizeof(eight), 10 * n * sizeof(eight));
@@ -47,11 +48,15 @@ void rows_free(rows *r) {
 
 /* The part of the sixteen pixels around the place before pixel `at` that is within `half`, in any
  * format. */
-static void fetch_some(const uint8_t *p, ptrdiff_t step, bool wide, int half, int base, int shift,
-                       int16_t *px) {
+__attribute__((noinline)) static void fetch_some(const rows *r, const row_place *q, int base,
+                                                 int shift, int16_t *px) {
+    const arris_image *im = r->image;
+    ptrdiff_t size = (ptrdiff_t)im->format, step = r->columns ? im->stride : size;
+    const uint8_t *p = im->data + q->line * (r->columns ? size : im->stride);
+    p += (q->at - q->half) * step;
     memset(px, 0, STEP_WIDTH * sizeof *px);
-    for (int j = STEP_HALF - half; j < STEP_HALF + half; j++, p += step) {
-        int level = ((wide ? *(const uint16_t *)(const void *)p : *p) - base) >> shift;
+    for (int j = STEP_HALF - q->half; j < STEP_HALF + q->half; j++, p += step) {
+        int level = ((size == 2 ? *(const uint16_t *)(const void *)p : *p) - base) >> shift;
         px[j] = (int16_t)(level < -STEP_MOST ? -STEP_MOST : level > STEP_MOST ? STEP_MOST : level);
     }
 }
@@ -101,25 +106,32 @@ __attribute__((noinline)) static void block_load(block *b, const arris_image *im
     }
 }
 
+/* The last pixel whose sixteen can be read at once, the first being STEP_HALF; -1: there are none.
+ */
+static int last_whole(const rows *r) {
+    const arris_image *im = r->image;
+    bool small = r->columns && (im->width < BLOCK_LINES || im->height < BLOCK_PIXELS);
+    return im->format != ARRIS_GREY8 || small ? -1
+                                              : (r->columns ? im->height : im->width) - STEP_HALF;
+}
+
 /* The pixels of the i-th row as differences from the base; those that are not within its half are
  * 0. */
-INLINE void fetch(const rows *r, uint32_t i, int base, int shift, block *b, int16_t *px) {
+INLINE void fetch(const rows *r, uint32_t i, int last, int base, int shift, block *b, int16_t *px) {
     const arris_image *im = r->image;
     const row_place *q = &r->place[i];
     const int16_t *inside = r->steps->inside[q->half - STEP_MIN];
-    ptrdiff_t size = (ptrdiff_t)im->format, step = r->columns ? im->stride : size;
-    int width = r->columns ? im->height : im->width, at = q->at, half = q->half;
-    const uint8_t *p = im->data + q->line * (r->columns ? size : im->stride);
-    if (at < STEP_HALF || at > width - STEP_HALF || size == 2 ||
-        (r->columns && (im->width < BLOCK_LINES || im->height < BLOCK_PIXELS))) {
-        fetch_some(p + (at - half) * step, step, size == 2, half, base, shift, px);
+    const uint8_t *p;
+    if (q->at < STEP_HALF || q->at > last) {
+        fetch_some(r, q, base, shift, px);
         return;
     }
-    p += at - STEP_HALF;
     if (r->columns) {
         if (!block_has(b, q))
             block_load(b, im, q, r->place[r->n - 1].at >= r->place[0].at);
-        p = b->column[q->line - b->line] + (at - STEP_HALF - b->at);
+        p = b->column[q->line - b->line] + (q->at - STEP_HALF - b->at);
+    } else {
+        p = im->data + q->line * im->stride + q->at - STEP_HALF;
     }
     bytes level;
     memcpy(&level, p, sizeof level);
@@ -176,10 +188,8 @@ INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t
     s->weight_t += weight * t;
     s->weight_tt += weight * (t * t);
     s->explained += *answers * *answers;
-    s->step += f->sum;
-    s->tilt += f->tilt * (*answers)[STEP_SLOPE];
-    s->flare += f->flare * (*answers)[STEP_SLOPE];
-    s->dof += f->dof;
+    float slope = (*answers)[STEP_SLOPE];
+    s->total += f->part * (four){1, 1, slope, slope};
 }
 
 /* `filters` are those of one scale. */
@@ -192,12 +202,13 @@ INLINE void measure(rows *r, const step_filter *filters, int base, int shift, fi
     row_sums all = {0};
     block columns;
     columns.line = -BLOCK_LINES; /* holds nothing */
+    int last = last_whole(r);
     for (uint32_t i = 0; i < r->n; i++) {
         const row_place *q = &r->place[i];
         const step_filter *f = &filters[q->filter];
         int16_t px[STEP_WIDTH];
         eight_ints sum, square;
-        fetch(r, i, base, shift, &columns, px);
+        fetch(r, i, last, base, shift, &columns, px);
         answer_to(f, px, &sum, &square);
         eight a = __builtin_convertvector(sum, eight) * per_answer;
         add(&all, f, &a, t[i]);

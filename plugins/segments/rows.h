@@ -32,9 +32,7 @@ typedef struct row_sums {
     eight weight, weight_t, weight_tt; /* responses, and times t, t² */
     eight squares;                     /* of the pixels, spread over the lanes */
     eight explained;                   /* of the answers */
-    float step;                        /* Phi over all pixels */
-    float tilt, flare;                 /* what slopes add to the sums of contrast and blur */
-    float dof;                         /* pixels less filters */
+    four total;                        /* of the filters' parts: STEP_SUM and so on */
 } row_sums;
 
 enum { ROWS_PULLS = 2 * (CROWD_REACH + 1) + 1 };

@@ -11,7 +11,6 @@
 
 enum { FOUR = 4 };
 
-typedef float four __attribute__((vector_size(4 * FOUR)));
 typedef int32_t four_ints __attribute__((vector_size(4 * FOUR)));
 
 /* A line through the point (x, y) in the direction (dx, dy). */

@@ -74,8 +74,8 @@ static void make(step_filter *f, double s, int half, double shift) {
     }
     double gain = dot(q[STEP_OFFSET], wider[STEP_OFFSET]) / length[STEP_OFFSET];
     f->gain = (float)((gain - 1) / log(1.01));
-    f->sum = (float)dot(v[STEP_MEAN], v[STEP_CONTRAST]);
-    f->dof = (float)(2 * half - parts);
+    f->part[STEP_SUM] = (float)dot(v[STEP_MEAN], v[STEP_CONTRAST]);
+    f->part[STEP_DOF] = (float)(2 * half - parts);
     if (parts <= STEP_SLOPE)
         return;
     double kink = dot(q[STEP_OFFSET], v[STEP_KINK]), slope = dot(q[STEP_OFFSET], v[STEP_SLOPE]);
@@ -84,9 +84,10 @@ static void make(step_filter *f, double s, int half, double shift) {
     f->kink = (float)kink;
     f->slope = (float)((slope - kink * dot(q[STEP_KINK], v[STEP_SLOPE])) / length[STEP_SLOPE]);
     f->unsure = sqrtf(1 + f->kink * f->kink + f->slope * f->slope) - 1;
-    f->tilt =
+    f->part[STEP_TILT] =
         (float)(length[STEP_CONTRAST] * dot(q[STEP_CONTRAST], v[STEP_SLOPE]) / length[STEP_SLOPE]);
-    f->flare = (float)(length[STEP_BLUR] * dot(q[STEP_BLUR], v[STEP_SLOPE]) / length[STEP_SLOPE]);
+    f->part[STEP_FLARE] =
+        (float)(length[STEP_BLUR] * dot(q[STEP_BLUR], v[STEP_SLOPE]) / length[STEP_SLOPE]);
 }
 
 void step_init(step_table *t) {

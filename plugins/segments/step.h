@@ -26,6 +26,10 @@ enum { STEP_MEAN, STEP_CONTRAST, STEP_OFFSET, STEP_BLUR, STEP_KINK, STEP_SLOPE, 
 #define STEP_UNIT 32768 /* of the weights; answers to pixels within +-STEP_MOST stay below 2^31 */
 #define STEP_MOST 8191
 
+/* Phi over the row, pixels less filters, and what the common slope adds to the sums of contrast and
+ * blur, per its own answer. */
+enum { STEP_SUM, STEP_DOF, STEP_TILT, STEP_FLARE };
+
 /* For one blur, half-width and phase. Pixel j is j - STEP_HALF + (phase + 0.5) / STEP_PHASES px
  * from the step; those outside of the half-width have weight 0. */
 typedef struct step_filter {
@@ -38,10 +42,8 @@ typedef struct step_filter {
     float by_kink;     /* and per level per px */
     float by_slope;    /* the same */
     float unsure;      /* how much sigma grows, relatively, when that is taken out */
-    /* what the common slope adds to the sums of contrast and blur (rows.h), per its own answer */
-    float tilt, flare;
-    float sum; /* of Phi over the row */
-    float dof; /* pixels less filters */
+    /* What the row adds to sums, by STEP_SUM and so on. */
+    four part;
 } step_filter;
 
 typedef struct step_table {
