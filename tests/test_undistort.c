@@ -24,6 +24,9 @@ static const arris_camera box = {320,       240,      380.60892, 378.42038, 0.05
 /* bends the corners by 120 px */
 static const arris_camera heavy = {640,   480,  450, 440,  6,       326.2,
                                    235.1, -0.4, 0.2, 2e-3, -1.5e-3, -0.02};
+/* its pixels are wider than high by 30 % */
+static const arris_camera oblong = {320,   240,  330, 429,    2,     153.3,
+                                    119.8, -0.3, 0.2, 1.1e-3, -5e-4, 0};
 /* folds back before its corners are reached */
 static const arris_camera folding = {320, 240, 170, 170, 0, 160, 120, -0.4, 0.06, 0, 0, 0};
 
@@ -51,6 +54,7 @@ static void table_is_the_inverse(void **state) {
     (void)state;
     check_table(&box);
     check_table(&heavy);
+    check_table(&oblong);
     check_table(&folding);
 }
 
@@ -267,6 +271,11 @@ static void both_ways_agree_on_a_heavy_lens(void **state) {
     both_ways(&heavy);
 }
 
+static void both_ways_agree_on_oblong_pixels(void **state) {
+    (void)state;
+    both_ways(&oblong);
+}
+
 static void grey8_is_resampled_too(void **state) {
     (void)state;
     uint8_t in[240 * 320], out[240 * 320];
@@ -346,6 +355,7 @@ int main(void) {
         cmocka_unit_test(full_layer_truncates_and_counts),
         cmocka_unit_test(both_ways_agree_on_the_boxs_lens),
         cmocka_unit_test(both_ways_agree_on_a_heavy_lens),
+        cmocka_unit_test(both_ways_agree_on_oblong_pixels),
         cmocka_unit_test(grey8_is_resampled_too),
         cmocka_unit_test(stage_takes_what_reaches_it),
         cmocka_unit_test(stage_without_a_lens),
