@@ -16,7 +16,7 @@
 enum {
     MARGIN = 4, /* px at the border where `edges` finds nothing */
     SIDE = 2,   /* rows to either side that are averaged */
-    GAP = 5,    /* rows without a step that do not end a stretch */
+    GAP = 2,    /* rows without a step that do not end a stretch */
     FEWEST = 8, /* rows of a stretch */
     GROW = 16   /* px that are looked at beyond an end, at a time */
 };
