@@ -78,7 +78,7 @@ static process inspect_box(double dz, const char *words) {
 
 static void a_good_box_passes(void **state) {
     (void)state;
-    process p = inspect_box(0, "tolerance=4 features=e6,e8");
+    process p = inspect_box(0, "tolerance=3 features=e6,e8");
     json_t *root = verdict_file(), *hashes = json_object_get(root, "sha256");
     if (p.code != 0)
         fail_msg("exit code %d:\n%s%s", p.code, p.out, p.err);
@@ -105,7 +105,7 @@ static void a_good_box_passes(void **state) {
 /* Each verdict is what ISO 14253-1 makes of its own numbers. */
 static void the_lowered_edge_fails_alone(void **state) {
     (void)state;
-    process p = inspect_box(12, "tolerance=4 features=e6,e8");
+    process p = inspect_box(12, "tolerance=3 features=e6,e8");
     json_t *root = verdict_file();
     assert_int_equal(p.code, 1);
     assert_string_equal(verdict_of(root, "e6"), "FAIL");
@@ -125,7 +125,7 @@ static void near_its_uncertainty_nothing_is_said(void **state) {
 /* The edges along the motion cannot be measured, and the upright ones' paint is not their edge. */
 static void all_edges_are_indeterminate(void **state) {
     (void)state;
-    process p = inspect_box(0, "tolerance=4");
+    process p = inspect_box(0, "tolerance=3");
     json_t *root = verdict_file();
     assert_int_equal(p.code, 3);
     assert_non_null(strstr(p.out, "it runs along the camera's motion"));
@@ -138,8 +138,8 @@ static void all_edges_are_indeterminate(void **state) {
 /* A model in inches, one that lies elsewhere, an alignment that finds nothing: never a PASS. */
 static void what_does_not_fit_is_indeterminate(void **state) {
     (void)state;
-    static const char *const words[] = {"tolerance=4", "tolerance=4 align=best-fit",
-                                        "tolerance=4 align=datum datum=e6,e8"};
+    static const char *const words[] = {"tolerance=3", "tolerance=4 align=best-fit",
+                                        "tolerance=3 align=datum datum=e6,e8"};
     FILE *f = fopen(scratch("inch.obj"), "w");
     assert_non_null(f);
     fprintf(f, "v -4.7 -4.6 39\nv 5.5 -4.5 39\nv 5.5 4.1 26\nv -4.8 4 26\nf 1 2 3\nf 1 3 4\n");
@@ -147,7 +147,7 @@ static void what_does_not_fit_is_indeterminate(void **state) {
     for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
         char all[8300];
         snprintf(all, sizeof all, "model=%s min-length=1 %s", scratch("inch.obj"),
-                 i == 2 ? "tolerance=4 align=datum datum=e1,e2" : words[i]);
+                 i == 2 ? "tolerance=3 align=datum datum=e1,e2" : words[i]);
         process p = inspect(all);
         if (p.code != 3)
             fail_msg("'%s' ends with %d:\n%s%s", all, p.code, p.out, p.err);
@@ -162,7 +162,7 @@ static void json_is_the_file(void **state) {
     (void)state;
     char line[8192], words[4200];
     snprintf(words, sizeof words,
-             "model=%s tolerance=4 features=e6 derived='distance(e6,e8) "
+             "model=%s tolerance=3 features=e6 derived='distance(e6,e8) "
              "angle(e6,e8):0.5 corner(e5,e6)'",
              box_model(0));
     const char *path = recipe(words);
