@@ -176,7 +176,7 @@ $(B)/cell-watch: $(call obj,samples/cell/watch.c) $(B)/common.a $(B)/lib/libarri
 
 # ---- tests: one program a module, linked with the plugin of its name --------------------------
 
-tests      := $(sort $(patsubst tests/test_%.c,%,$(wildcard tests/test_*.c)))
+tests      := $(filter-out $(if $(SAN),$(slow_tests)),$(sort $(patsubst tests/test_%.c,%,$(wildcard tests/test_*.c))))
 test_parts  = $(1) $(sort $($(1)_uses) $(test_$(1)_uses))
 $(B)/tests/test_%: $$(call obj,tests/test_$$*.c) \
         $$(foreach p,$$(call test_parts,$$*),$$(call kernel_obj,$$p)) $(B)/common.a $(B)/libarris.a
