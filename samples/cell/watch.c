@@ -4,7 +4,7 @@
  * picture its lines are told. It ends with the scan, prints what it saw, and exits with 1 when that
  * is not as it should be.
  */
-#include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,7 +30,7 @@ typedef struct watch {
     int lines;
     int64_t dropped, unposed, missing; /* by the pipeline's last status */
     char troubles[400];
-    volatile sig_atomic_t ended;
+    atomic_bool ended;
 } watch;
 
 static void on_state(void *user, const void *data, size_t n) {
@@ -81,7 +81,7 @@ static void on_status(void *user, const void *data, size_t n) {
     if (*m.trouble && !strstr(w->troubles, m.trouble))
         snprintf(w->troubles + strlen(w->troubles), sizeof w->troubles - strlen(w->troubles),
                  "  %s\n", m.trouble);
-    w->ended = m.state == ARRIS_STATUS_T_ENDED;
+    atomic_store(&w->ended, m.state == ARRIS_STATUS_T_ENDED);
     arris_status_t_decode_cleanup(&m);
 }
 
@@ -121,7 +121,7 @@ int main(void) {
         fprintf(stderr, "watch: %s\n", f.text);
         return 2;
     }
-    while (!w.ended)
+    while (!atomic_load(&w.ended))
         nanosleep(&(struct timespec){0, 50000000}, NULL);
     link_close(link);
     return report(&w);
