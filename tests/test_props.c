@@ -167,11 +167,12 @@ static void a_star_takes_what_no_other_row_names(void **state) {
         ARRIS_P_INT(struct self, number, "number", "1", 0, 9, NULL, "how many"),
     };
     static const arris_stage_desc open = {.name = "stage", .props = rows, .n_props = COUNT(rows)};
-    source src = {.text = (char *)""};
     static const char *const line[] = {"gain=3", "number=7", "number=70", "white-balance=a=b"};
-    for (size_t i = 0; i < COUNT(line); i++)
+    for (size_t i = 0; i < COUNT(line); i++) {
+        source src = {.text = (char *)line[i]};
         assert_int_equal(props_set(&open, &self, &own, &(token){&src, line[i], 0}, &err),
                          i == 2 ? ARRIS_E_USAGE : 0);
+    }
     assert_string_equal(self.text, "gain=3\nwhite-balance=a=b\n");
     assert_int_equal(self.number, 7);
 }
