@@ -1,6 +1,7 @@
 # What the test programs link beside core and the plugin of their own name.
-# Monte Carlo that takes minutes under a sanitizer; test_calibrate_run runs the same code there.
-slow_tests := calibrate
+# Calculations that take minutes under a sanitizer; test_calibrate_run runs the same code under the
+# address sanitizer.
+slow_tests := calibrate $(if $(filter thread,$(SAN)),calibrate_run)
 valgrind_tests := image:* edges:*tiny* segments:any_size
 test-parts: $(B)/report
 bench_runtime_PKGS := gstreamer-1.0
