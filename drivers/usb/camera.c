@@ -135,7 +135,7 @@ int camera_open(camera *c, const char *wanted, fault *f) {
 }
 
 /* The streaming interface goes first: the kernel's driver begins with the control interface, and
- * takes both. */
+ * takes both. Released, it has its setting 0 from the kernel, which ends an isochronous stream. */
 void camera_close(camera *c) {
     camera_stop(c);
     if (c->claimed[1])
@@ -207,6 +207,13 @@ static const uvc_alternate *choose(const camera *c, uint32_t payload) {
     return best;
 }
 
+/* Not closed: for a device that is gone libusb before 1.0.27 has unlocked what it had not locked
+ * (its issue 1199), and would abort. */
+static void abandon(camera *c) {
+    c->handle = NULL;
+    c->claimed[0] = c->claimed[1] = false;
+}
+
 int camera_start(camera *c, const uvc_frame *frame, uint32_t interval, fault *f) {
     enum { MOST = 1 << 28 };
     uint32_t payload = 0;
@@ -225,6 +232,8 @@ int camera_start(camera *c, const uvc_frame *frame, uint32_t interval, fault *f)
     c->payload = payload && payload < MOST ? payload : (uint32_t)c->pictures.size + 12;
     if (c->alternate->setting) /* a bulk camera streams from its commit on */
         r = libusb_set_interface_alt_setting(c->handle, c->uvc.streaming, c->alternate->setting);
+    if (r == LIBUSB_ERROR_NO_DEVICE)
+        abandon(c);
     if (r)
         return failed(f, "cannot start the stream", r);
     return transfers_start(c, f);
@@ -236,9 +245,7 @@ int camera_step(camera *c, int ms, fault *f) {
 
 void camera_stop(camera *c) {
     transfers_stop(c);
-    if (c->claimed[1] && c->alternate && c->alternate->setting)
-        libusb_set_interface_alt_setting(c->handle, c->uvc.streaming, 0);
-    else if (c->claimed[1] && c->alternate)
+    if (c->claimed[1] && c->alternate && c->alternate->bulk)
         libusb_clear_halt(c->handle, c->alternate->endpoint);
     c->alternate = NULL;
     assembler_free(&c->pictures);
