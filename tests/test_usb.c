@@ -80,6 +80,17 @@ static void nothing_in_it_is_trusted(void **state) {
     }
 }
 
+/* The interface may have a bulk endpoint for stills beside the pictures' own. */
+static void stills_are_not_the_stream(void **state) {
+    (void)state;
+    uvc_bytes b = uvc_configuration(0);
+    UVC_ADD(&b, 7, 5, 0x82, 2, U16(512), 0);
+    assert_int_equal(uvc_parse(b.data, b.n, &cam, &why), 0);
+    assert_int_equal(cam.n_alternates, 2);
+    for (uint32_t i = 0; i < cam.n_alternates; i++)
+        assert_true(!cam.alternate[i].bulk && cam.alternate[i].endpoint == 0x81);
+}
+
 static void intervals_are_the_nearest(void **state) {
     (void)state;
     uvc_frame listed = {.usual = 333333, .n = 3, .interval = {166666, 333333, 666666}},
@@ -268,6 +279,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_camera_is_understood),
         cmocka_unit_test(nothing_in_it_is_trusted),
+        cmocka_unit_test(stills_are_not_the_stream),
         cmocka_unit_test(intervals_are_the_nearest),
         cmocka_unit_test_setup_teardown(whole_pictures_come_in_order, begin, end),
         cmocka_unit_test_setup_teardown(damaged_pictures_are_left_out, begin, end),

@@ -32,6 +32,7 @@ typedef struct parser {
     uvc_camera *c;
     int subclass, number, setting; /* of the interface it is in; subclass 0: of none of ours */
     bool has_control, has_streaming;
+    uint8_t endpoint;     /* of the pictures; the interface may have one for stills as well */
     const pixels *pixels; /* of the format it is in; NULL: unknown */
     uint8_t format;
     uvc_alternate *last; /* that a companion would belong to */
@@ -98,7 +99,8 @@ static void begin_interface(parser *p, const uint8_t *d, size_t n) {
 
 static void endpoint(parser *p, const uint8_t *d, size_t n) {
     p->last = NULL;
-    if (p->subclass != STREAMING || n < 7 || !(d[2] & 0x80) || p->c->n_alternates == UVC_ALTERNATES)
+    if (p->subclass != STREAMING || n < 7 || !(d[2] & 0x80) || d[2] != p->endpoint ||
+        p->c->n_alternates == UVC_ALTERNATES)
         return;
     int kind = d[3] & 3;
     uint32_t size = get16(d + 4), packet = (size & 0x7ff) * (1 + (size >> 11 & 3));
@@ -167,7 +169,9 @@ static void frame(parser *p, const uint8_t *d, size_t n) {
 
 static void streaming_part(parser *p, const uint8_t *d, size_t n) {
     bool jpeg = d[2] == FORMAT_MJPEG && n >= 11;
-    if (jpeg || (d[2] == FORMAT_UNCOMPRESSED && n >= 27)) {
+    if (d[2] == HEADER && n >= 7) {
+        p->endpoint = d[6];
+    } else if (jpeg || (d[2] == FORMAT_UNCOMPRESSED && n >= 27)) {
         p->format = d[3];
         p->pixels = jpeg ? mjpeg() : pixels_of(d + 5);
     } else if ((d[2] == FRAME_UNCOMPRESSED && p->pixels && p->pixels->bytes) ||
