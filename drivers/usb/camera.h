@@ -9,6 +9,7 @@
 #include <libusb.h>
 
 #include "assembler.h"
+#include "camera/controls.h"
 #include "clock.h"
 #include "descriptors.h"
 
@@ -53,6 +54,10 @@ void camera_close(camera *c);
  * of UVC_SET_CUR ... of linux/usb/video.h. False: the camera refuses. */
 bool camera_control(const camera *c, uint8_t request, uint8_t selector, uint8_t entity,
                     uint8_t interface, uint8_t *data, uint16_t n);
+
+/* The controls of its terminal and processing unit (4.2.2), controls.c, with the names and values
+ * that the kernel's driver gives them, so that a launch line suits both; valid as long as *c is. */
+controls camera_controls(const camera *c);
 
 /* Reads c->uvc from an open camera. Returns 0, or ARRIS_E_INPUT, ARRIS_E_IO. camera_open does. */
 int camera_describe(camera *c, fault *f);

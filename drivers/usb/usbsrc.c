@@ -11,7 +11,6 @@
 
 #include "camera.h"
 #include "camera/live.h"
-#include "controls.h"
 
 enum { SLICE = 100 /* ms */ };
 
@@ -66,16 +65,17 @@ static int settle_frame(struct usbsrc *u, fault *f) {
 }
 
 static int open_camera(arris_stage *s, struct usbsrc *u, fault *f) {
+    controls all = camera_controls(&u->camera);
     fault calm;
     int r = camera_open(&u->camera, *u->sought ? u->sought : u->wanted, f);
     if (r == 0)
         r = settle_frame(u, f);
-    if (r == 0 && controls_calm(&u->camera, &calm) < 0)
+    if (r == 0 && controls_calm(&all, &calm) < 0)
         arris_warn(s, "%s", calm.text);
     if (r == 0)
-        r = controls_set(&u->camera, u->controls, f);
+        r = controls_set(&all, u->controls, f);
     if (r == 0)
-        u->exposure = controls_exposure(&u->camera);
+        u->exposure = controls_exposure(&all);
     return r;
 }
 
@@ -209,6 +209,7 @@ static void list_frames(const uvc_camera *c, FILE *out) {
 }
 
 static bool list_one(camera *c, void *user) {
+    controls all = camera_controls(c);
     FILE *out = user;
     fault f;
     fprintf(out, "%s: %s, at %s%s%s\n", c->id, c->name, c->place,
@@ -218,7 +219,7 @@ static bool list_one(camera *c, void *user) {
         return false;
     }
     list_frames(&c->uvc, out);
-    controls_list(c, out);
+    controls_list(&all, out);
     return false;
 }
 

@@ -7,7 +7,7 @@
 
 #include <linux/videodev2.h>
 
-#include "fault.h"
+#include "camera/controls.h"
 
 typedef struct device {
     int fd; /* -1: closed */
@@ -32,5 +32,8 @@ bool device_search(device *d, bool (*use)(device *d, void *user), void *user);
 /* Selects an input (its number or its name), and a standard ("PAL"); NULL leaves what is set. What
  * a digital input receives is taken over as it is. Returns 0, or ARRIS_E_USAGE, ARRIS_E_IO. */
 int device_select(const device *d, const char *input, const char *standard, fault *f);
+
+/* Its controls, controls.c; valid as long as *d is. */
+controls device_controls(const device *d);
 
 #endif

@@ -12,7 +12,6 @@
 
 #include "camera/live.h"
 #include "capture.h"
-#include "controls.h"
 #include "format.h"
 
 enum { SLICE = 100 /* ms */ };
@@ -48,15 +47,16 @@ static int open_device(arris_stage *s, struct v4l2src *v, format *out, fault *f)
     if (r < 0)
         return r;
     v->device = d;
+    controls all = device_controls(&d);
     r = device_select(&d, v->input, v->standard, f);
     if (r == 0)
         r = format_settle(&d, &v->wish, out, f);
-    if (r == 0 && controls_calm(&d, &calm) < 0)
+    if (r == 0 && controls_calm(&all, &calm) < 0)
         arris_warn(s, "%s", calm.text);
     if (r == 0)
-        r = controls_set(&d, v->controls, f);
+        r = controls_set(&all, v->controls, f);
     if (r == 0)
-        v->exposure = controls_exposure(&d);
+        v->exposure = controls_exposure(&all);
     return r;
 }
 
@@ -238,10 +238,6 @@ static void close_device(arris_stage *s, void *self) {
 
 /* ---- the list of devices --------------------------------------------------------------------- */
 
-static void list_control(const char *text, void *user) {
-    fprintf(user, "  %s\n", text);
-}
-
 static void list_inputs(const device *d, FILE *out) {
     struct v4l2_input in = {.index = 0};
     struct v4l2_standard std = {.index = 0};
@@ -279,7 +275,8 @@ static bool list_one(device *d, void *user) {
             d->serial);
     list_inputs(d, out);
     list_formats(d, out);
-    controls_each(d, list_control, out);
+    controls all = device_controls(d);
+    controls_list(&all, out);
     return false;
 }
 
