@@ -6,6 +6,7 @@
 #   make test       install what is missing, build, run every test
 #   make check      the tests under ASan and UBSan, TSan, valgrind; a minute of each fuzzer
 #   make test-vm    the drivers against a real kernel in a virtual machine
+#   make test-vm-cycles    there, opened and closed 200 times, under ASan and UBSan, and TSan
 #   make bench      speed and accuracy beside others, in one run
 #   make experiments   the thesis's comparisons of detectors and of settings, with figures
 #   make lint       format, headers alone, shell scripts        make format  put the format right
@@ -37,8 +38,8 @@ types      := $(sort $(wildcard plugins/lcm/types/*.lcm))
 types_c    := $(patsubst plugins/lcm/types/%.lcm,$(B)/lcmtypes/arris_%.c,$(types))
 headers    := core/arris.h core/arris_plugin.h core/arris_geometry.h core/arris_types.h
 
-.PHONY: all demo cell test check test-vm bench experiments lint format install uninstall clean setup-% \
-        lcmtypes-python run-experiments run-tests run-vm vm-cycles run-valgrind run-fuzz fuzzers
+.PHONY: all demo cell test check test-vm test-vm-cycles bench experiments lint format install uninstall clean setup-% \
+        lcmtypes-python run-experiments run-tests run-vm run-vm-cycles vm-cycles run-valgrind run-fuzz fuzzers
 .DELETE_ON_ERROR:
 .SECONDARY:
 all: $(B)/arris $(B)/arris-robot $(plugins:%=$(B)/lib/arris/%.stages)

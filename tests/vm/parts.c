@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
  * parts.c: stages for the tests of the drivers. `seen` looks at every byte of the numbered pictures
- * of usbcam and tells which came. `vividloop` puts a recording out at vivid's video output, and
+ * of usbcam and tells which came, and how far their dates are from the truth. `digest` tells what
+ * its last picture was. `vividloop` puts a recording out at vivid's video output, and
  * lets what comes back in at its input pass when it is the picture that was put out, bit for bit;
  * only then the next one goes out. So nothing depends on how fast the machine is.
  */
@@ -25,9 +26,13 @@
 
 /* ---- seen ------------------------------------------------------------------------------------ */
 
+enum { SEEN_DATES = 99 };
+
 struct seen {
     bool jpeg;
-    uint64_t wrong, again, early;
+    uint64_t wrong, again;
+    int32_t off[SEEN_DATES]; /* us, of a date to the truth */
+    int n_dates;
     uint32_t first, last; /* of the run of numbers it is in */
     bool any;
     char text[4096];
@@ -55,9 +60,9 @@ static void through_jpeg(uint8_t *grey) {
     tjDestroy(d);
 }
 
-static bool is_right(const struct seen *n, const arris_image *im, uint32_t number) {
+static bool is_right(const struct seen *n, const arris_image *im, pattern p) {
     uint8_t grey[PATTERN_PIXELS];
-    pattern_draw(grey, number);
+    pattern_draw(grey, p);
     if (n->jpeg)
         through_jpeg(grey);
     for (int y = 0; y < PATTERN_HEIGHT; y++)
@@ -72,11 +77,13 @@ static int seen_process(arris_stage *s, void *self, arris_frame *f) {
     struct timespec wall;
     if (im->width != PATTERN_WIDTH || im->height != PATTERN_HEIGHT || im->format != ARRIS_GREY8)
         return arris_fail(s, ARRIS_E_INPUT, NULL, "not pictures of usbcam");
-    uint32_t number = pattern_number(im->data, im->stride);
-    n->wrong += !is_right(n, im, number);
+    pattern p = pattern_read(im->data, im->stride);
+    uint32_t number = p.number;
+    n->wrong += !is_right(n, im, p);
     clock_gettime(CLOCK_REALTIME, &wall);
-    int64_t age = (int64_t)wall.tv_sec * 1000000 + wall.tv_nsec / 1000 - arris_frame_utime(f);
-    n->early += age < 0 || age > 20000000;
+    int64_t ahead = (int64_t)wall.tv_sec * 1000000 + (wall.tv_nsec - arris_now()) / 1000;
+    if (n->n_dates < SEEN_DATES)
+        n->off[n->n_dates++] = (int32_t)((uint32_t)(arris_frame_utime(f) - ahead) - p.middle);
     if (n->any && number != n->last + 1) {
         n->again += number <= n->last;
         add_run(n);
@@ -88,14 +95,19 @@ static int seen_process(arris_stage *s, void *self, arris_frame *f) {
     return 0;
 }
 
+static int by_value(const void *a, const void *b) {
+    return *(const int32_t *)a < *(const int32_t *)b ? -1 : 1;
+}
+
 static int seen_finish(arris_stage *s, void *self, arris_frame *f) {
     (void)s, (void)f;
     struct seen *n = self;
     if (n->any)
         add_run(n);
-    printf("seen%s; %llu wrong, %llu out of order, %llu misdated\n", n->text,
+    qsort(n->off, (size_t)n->n_dates, sizeof *n->off, by_value);
+    printf("seen%s; %llu wrong, %llu out of order, dates %d ms off\n", n->text,
            (unsigned long long)n->wrong, (unsigned long long)n->again,
-           (unsigned long long)n->early);
+           n->off[n->n_dates / 2] / 1000);
     return 0;
 }
 
@@ -113,6 +125,60 @@ static const arris_stage_desc seen = {
     .n_props = 1,
     .process = seen_process,
     .finish = seen_finish,
+};
+
+/* ---- digest ---------------------------------------------------------------------------------- */
+
+struct digest {
+    int32_t pause; /* ms, after each */
+    bool any;
+    uint32_t hash;
+    int32_t width, height;
+    uint32_t rows[2]; /* the sums of the even and of the odd ones */
+};
+
+/* Of 16 bits the upper 8: so it is the same in all formats. */
+static int digest_process(arris_stage *s, void *self, arris_frame *f) {
+    (void)s;
+    struct digest *d = self;
+    const arris_image *im = arris_layer_get(f, ARRIS_IMAGE);
+    int step = im->format == ARRIS_GREY16 ? 2 : 1;
+    if (!d->any)
+        printf("streams\n"), fflush(stdout);
+    *d = (struct digest){d->pause, true, 2166136261, im->width, im->height, {0, 0}};
+    for (int y = 0; y < im->height; y++)
+        for (int x = 0; x < im->width; x++) {
+            uint8_t grey = im->data[y * im->stride + step * x + step - 1];
+            d->hash = (d->hash ^ grey) * 16777619; /* FNV-1a */
+            d->rows[y & 1] += grey;
+        }
+    nanosleep(&(struct timespec){.tv_nsec = d->pause * 1000000l}, NULL);
+    return 0;
+}
+
+static int digest_finish(arris_stage *s, void *self, arris_frame *f) {
+    (void)s, (void)f;
+    struct digest *d = self;
+    uint32_t half = d->any ? (uint32_t)(d->width * d->height) / 2 : 1; /* pixels */
+    printf("digest %08x, %dx%d, rows %u %u\n", d->hash, d->width, d->height, d->rows[0] / half,
+           d->rows[1] / half);
+    return 0;
+}
+
+static const arris_prop digest_table[] = {
+    ARRIS_P_INT(struct digest, pause, "pause", "0", 0, 999, "ms", "after each picture"),
+};
+static const arris_stage_desc digest = {
+    .size = sizeof(arris_stage_desc),
+    .name = "digest",
+    .summary = "tells what the last picture was",
+    .flags = ARRIS_SINK,
+    .layers = {.needs = ARRIS_BIT(ARRIS_IMAGE)},
+    .self_size = sizeof(struct digest),
+    .props = digest_table,
+    .n_props = 1,
+    .process = digest_process,
+    .finish = digest_finish,
 };
 
 /* ---- vividloop ------------------------------------------------------------------------------- */
@@ -262,4 +328,4 @@ static const arris_stage_desc vividloop = {
     .close = loop_close,
 };
 
-ARRIS_PLUGIN("vmparts", "LGPL-2.1-or-later", &seen, &vividloop);
+ARRIS_PLUGIN("vmparts", "LGPL-2.1-or-later", &seen, &digest, &vividloop);

@@ -10,8 +10,8 @@
  * Every EVERY-th picture (of those that are not 0) is: `stall` cut off by a stall of the endpoint
  * and sent anew after it, `id` without a toggled FID, `short` or `long` by 100 bytes, `error`
  * flagged, `header` has a payload with a damaged header, `lost` a packet that did not come. Before
- * picture AT it is unplugged for MS, or silent for so long; with `broken`, that byte of its
- * configuration descriptor is 0xff; with `fast` it sends as fast as it is asked.
+ * picture AT it is unplugged for MS, or silent until it is started anew; with `broken`, that byte
+ * of its configuration descriptor is 0xff; with `fast` it sends as fast as it is asked.
  */
 #include <endian.h>
 #include <errno.h>
@@ -139,8 +139,9 @@ static void plug_in(void) {
         die("no socket");
     int fd = open("/sys/devices/platform/vhci_hcd.0/attach", O_WRONLY);
     int n = snprintf(line, sizeof line, "0 %d 65538 %d", pair[1], HIGH_SPEED);
-    if (fd < 0 || write(fd, line, (size_t)n) != n)
-        die("cannot attach to vhci_hcd");
+    for (int tries = 500; write(fd, line, (size_t)n) != n; usleep(20000))
+        if (!tries--) /* until what was plugged in before is gone */
+            die("cannot attach to vhci_hcd");
     close(fd);
     close(pair[1]);
     cam.fd = pair[0];
@@ -297,6 +298,11 @@ static bool once(int what) {
     return first;
 }
 
+/* us */
+static int64_t exposure(void) {
+    return cam.option[FAST] > 0 ? 0 : 100 * (int64_t)cam.exposure;
+}
+
 static void encode(const uint8_t *grey) {
     static tjhandle jpeg;
     unsigned long n = 2 * PATTERN_PIXELS;
@@ -310,7 +316,7 @@ static void encode(const uint8_t *grey) {
 static void begin_picture(void) {
     static uint8_t grey[PATTERN_PIXELS];
     bool yuyv = cam.probe[2] < 2;
-    pattern_draw(grey, cam.number);
+    pattern_draw(grey, (pattern){cam.number, (uint32_t)(cam.due + exposure() / 2)});
     cam.size = (yuyv ? 2 : 1) * PATTERN_PIXELS;
     if (cam.probe[2] == 3)
         encode(grey);
@@ -418,13 +424,12 @@ static bool send_some(void) {
     if (cam.halted) {
         answer(cam.waiting[0].number, -EPIPE, NULL, 0);
     } else {
-        if (!cam.begun &&
-            now_us() < cam.due + (cam.option[FAST] > 0 ? 0 : 100 * (int64_t)cam.exposure))
+        if (!cam.begun && now_us() < cam.due + exposure())
             return false;
         if (!cam.begun && cam.number == (uint32_t)cam.option[UNPLUG] && once(UNPLUG))
             return replug(), false;
         if (!cam.begun && cam.number == (uint32_t)cam.option[SILENT] && once(SILENT))
-            return cam.due = now_us() + cam.option[PAUSE] * 1000, false;
+            return cam.due = INT64_MAX / 2, false;
         if (!cam.begun)
             begin_picture();
         if (cam.waiting[0].packets)

@@ -2,13 +2,15 @@
 packages_vm := $(packages_build) qemu-system-x86 busybox-static cpio kmod xz-utils v4l-utils
 
 # Where the packages cannot be had, run.sh says that the test is skipped, and why.
-test-vm:
+test-vm test-vm-cycles:
 	-@$(MAKE) --no-print-directory setup-vm
-	@$(MAKE) --no-print-directory run-vm
-run-vm: all $(addprefix $(B)/tests/vm/,parts.so usbcam pad)
+	@$(MAKE) --no-print-directory run-$(@:test-%=%)
+run-vm: all $(addprefix $(B)/tests/vm/,parts.so usbcam pad cycles)
+	@B=$(B) tests/vm/run.sh
+run-vm-cycles: $(B)/tests/vm/usbcam
 	@$(MAKE) --no-print-directory vm-cycles B=$(B)/asan SAN=address,undefined
 	@$(MAKE) --no-print-directory vm-cycles B=$(B)/tsan SAN=thread
-	@B=$(B) tests/vm/run.sh
+	@for sanitizer in asan tsan; do B=$(B) tests/vm/run.sh cycles $$sanitizer || exit 1; done
 vm-cycles: $(B)/tests/vm/cycles $(addprefix $(B)/lib/arris/,v4l2.stages usb.stages)
 
 $(B)/tests/vm/parts.so: $(call obj,tests/vm/parts.c) $(call kernel_obj,image) $(B)/common.a $(B)/lib/libarris.so.1
