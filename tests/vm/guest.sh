@@ -72,11 +72,11 @@ vivid_loop() {
     scan='edges ! undistort ! segments ! track ! reconstruct pose-sigma=0 rot-sigma=0'
     run $hdmi format=RGB3 camera=/tmp/padded/camera.json \
         ! vividloop location=/tmp/padded device=/dev/video1 \
-        ! pose location=/tmp/padded/frames.csv ! $scan ! filesink location=/tmp/loop.json
-    says '120 of 120 came back bit for bit'
+        ! pose location=/tmp/padded/frames.csv ! $scan ! filesink location=/tmp/loop.json &&
+        says '120 of 120 came back bit for bit'
     ok 'vivid gives the recording back bit for bit'
-    run imagesrc location=/tmp/padded/frames.csv ! $scan ! filesink location=/tmp/files.json
-    cmp /tmp/files.json /tmp/loop.json >>$out 2>&1 && grep -q '"id"' /tmp/loop.json
+    run imagesrc location=/tmp/padded/frames.csv ! $scan ! filesink location=/tmp/files.json &&
+        cmp /tmp/files.json /tmp/loop.json >>$out 2>&1 && grep -q '"id"' /tmp/loop.json
     ok 'the lines are those of the files'
     control /dev/video0 loop_video=0
 }

@@ -22,7 +22,7 @@ $(B)/tests/vm/pad: $(call obj,tests/vm/pad.c) $(call kernel_obj,image) $(B)/comm
 	@mkdir -p $(@D)
 	$(call say,MAKE,$@)
 	$(Q)$(CC) -o $@ $^ $(ldflags) $(call pkg_libs,image) $(call pkg_libs,common) -lm -lpthread -ldl
-$(B)/tests/vm/usbcam: $(call obj,tests/vm/usbcam.c)
+$(B)/tests/vm/usbcam: $(call obj,tests/vm/usbcam.c tests/vm/usbcam_control.c)
 	@mkdir -p $(@D)
 	$(call say,MAKE,$@)
 	$(Q)$(CC) -o $@ $^ $(ldflags) $(call pkg_libs,image)
