@@ -116,6 +116,15 @@ static void headers_stand_alone(void **state) {
                          0);
 }
 
+/* udev would pass over a file that is elsewhere in silence. */
+static void cameras_may_be_opened(void **state) {
+    (void)state;
+    assert_int_equal(RUN("grep -q 'ID_USB_INTERFACES.*0e01.*GROUP=\"video\"' "
+                         "'%s'/usr/lib/udev/rules.d/60-arris-usb.rules",
+                         root),
+                     0);
+}
+
 static void null_passes_frames(void **state) {
     (void)state;
     assert_int_equal(arris("launch --stats fakesrc frames=9 ! null ! fakesink"), 0);
@@ -210,6 +219,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(builds_from_what_is_installed),
         cmocka_unit_test(headers_stand_alone),
+        cmocka_unit_test(cameras_may_be_opened),
         cmocka_unit_test(null_passes_frames),
         cmocka_unit_test(threshold_is_explained),
         cmocka_unit_test(threshold_gives_a_picture),
