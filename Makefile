@@ -192,11 +192,13 @@ $(B)/venv/lcm:
 	@mkdir -p $(@D)
 	@python3 -m venv $(@D) && $(@D)/bin/pip install -q lcm==1.5.3 && touch $@ || echo "no Python lcm"
 
+# Each writes its output whole when it ends, since several run at once.
 run-tests: all test-parts $(tests:%=$(B)/tests/test_%)
-	@passed=0; failed=; for t in $(tests); do echo "== $$t"; \
-	    if B=$(B) $(B)/tests/test_$$t; then passed=$$((passed + 1)); else failed="$$failed $$t"; fi; done; \
-	[ -z "$$failed" ] || echo "failed:$$failed"; \
-	echo "$$passed passed, $$(echo $$failed | wc -w) failed"; [ -z "$$failed" ]
+	@rm -f $(B)/tests/*.passed
+	@$(MAKE) --no-print-directory -k -O $(tests:%=run-test-%); failed=$$?; \
+	    echo "$$(ls $(B)/tests/*.passed 2>/dev/null | wc -l) of $(words $(tests)) test programs passed"; exit $$failed
+run-test-%:
+	@echo "== $*"; B=$(B) $(B)/tests/test_$* && touch $(B)/tests/$*.passed
 
 check: setup-check
 	$(MAKE) run-tests B=$(B)/asan SAN=address,undefined LDFLAGS='$(LDFLAGS) -fno-sanitize-recover=all'
