@@ -24,8 +24,8 @@ int crowd_init(crowd *c, int width, int height);
 void crowd_free(crowd *c);
 
 /* Holds these points and no others. The picture's size is at most that of crowd_init; points
- * outside of it are ignored. `lens` maps ideal points to the picture, or is NULL. */
-void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *lens);
+ * outside of it are ignored. The lens of `camera` maps ideal points to the picture; NULL: none. */
+void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *camera);
 
 /* Adds a point of the picture. */
 void crowd_add(crowd *c, float x, float y);

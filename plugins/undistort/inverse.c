@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * inverse.c: the inverse of the lens model as a grid of displacements, interpolated by Lagrange's
- * cubic in x and y.
+ * inverse.c: the inverse of the lens model by Newton's method, eight points at once.
  *
- * The error falls with the fourth power of the grid's pitch: at 4 px it is below 1e-5 px for common
- * lenses. Every cell is tried at its middle, where the error is greatest; where the table isn't
- * good enough (beside the fold of an extreme lens) points go through arris_undistort instead.
+ * It starts from the pixel itself and takes as many steps as common lenses need. Where that is not
+ * enough, or may end beyond the fold of an extreme lens, points go through arris_undistort instead:
+ * the corners of all cells of a grid are tried beforehand.
  */
 #include "inverse.h"
 
@@ -14,94 +13,43 @@
 #include <string.h>
 
 #include "arris_geometry.h"
+#include "lens.h"
 
-enum { PITCH = 4 };                   /* px from node to node */
+enum { PITCH = 16, STEPS = 3 };       /* PITCH: px from corner to corner */
 static const double TOLERANCE = 1e-4; /* px */
-
-typedef struct displacement {
-    float x, y; /* ideal minus distorted, px */
-} displacement;
-
-typedef float v4 __attribute__((vector_size(16)));
+static const float SMALL = 0.01f;     /* px: after so small a step the next would not show */
 
 struct inverse {
     arris_camera camera;
-    int columns, rows; /* nodes; node (0, 0) lies at pixel (-PITCH, -PITCH) */
-    displacement *node;
-    bool *exact; /* by cell: take arris_undistort; cell (i, j) follows node (i + 1, j + 1) */
+    lens lens;
+    int columns, rows; /* of cells */
+    bool *bad;         /* by corner */
+    bool any_bad;
 };
 
-/* Lagrange's cubic through the 4 x 4 nodes of a cell, at (tx, ty) of it: the four rows first, each
- * (x, y) pairs of four nodes, then the four columns. */
-static displacement interpolate(const inverse *inv, int i, int j, float tx, float ty) {
-    const v4 b = {tx, tx, ty, ty}, a = b + 1, c = b - 1, d = b - 2;
-    const v4 w[4] = {b * c * d * (-1 / 6.F), a * c * d * (1 / 2.F), a * b * d * (-1 / 2.F),
-                     a * b * c * (1 / 6.F)};
-    v4 left = {0}, right = {0};
-    for (int row = 0; row < 4; row++) {
-        v4 n[2];
-        memcpy(n, &inv->node[(size_t)(j + row) * inv->columns + i], sizeof n);
-        left += n[0] * w[row][2];
-        right += n[1] * w[row][2];
+/* Moves eight points to where an ideal camera sees them. Returns which of them got there. */
+INLINE void solve(const lens *c, eight *u, eight *v, eight_ints *good) {
+    eight x, y, d[2], J[3], q[2], sx = {0}, sy = {0};
+    lens_normalise(c, u, v, &x, &y);
+    lens_displace(c, &x, &y, d, J);
+    q[0] = -d[0], q[1] = -d[1];
+    *good = (eight_ints){0} - 1;
+    for (int i = 0; i < STEPS; i++) {
+        eight ax = x + q[0], ay = y + q[1];
+        lens_displace(c, &ax, &ay, d, J);
+        J[0] += 1, J[2] += 1;
+        eight det = J[0] * J[2] - J[1] * J[1], ex = q[0] + d[0], ey = q[1] + d[1];
+        sx = (J[2] * ex - J[1] * ey) / det, sy = (J[0] * ey - J[1] * ex) / det;
+        q[0] -= sx, q[1] -= sy;
+        *good &= det > 0;
     }
-    left *= (v4){w[0][0], w[0][0], w[1][0], w[1][0]};
-    right *= (v4){w[2][0], w[2][0], w[3][0], w[3][0]};
-    left += right;
-    return (displacement){left[0] + left[2], left[1] + left[3]};
+    sx *= c->fx, sy *= c->fy;
+    *good &= (EIGHT_ABS(sx) < SMALL) & (EIGHT_ABS(sy) < SMALL);
+    *u += c->fx * q[0] + c->skew * q[1];
+    *v += c->fy * q[1];
 }
 
-static void fill_nodes(inverse *inv) {
-    for (int j = 0; j < inv->rows; j++)
-        for (int i = 0; i < inv->columns; i++) {
-            double u = PITCH * (i - 1), v = PITCH * (j - 1), x, y;
-            bool there = arris_undistort(&inv->camera, u, v, &x, &y) == 0;
-            inv->node[j * inv->columns + i] = (displacement){
-                there ? (float)(x - u) : NAN,
-                there ? (float)(y - v) : NAN,
-            };
-        }
-}
-
-/* The cells whose table is not good enough. */
-static void try_cells(inverse *inv) {
-    for (int j = 0; j < inv->rows - 3; j++)
-        for (int i = 0; i < inv->columns - 3; i++) {
-            double u = PITCH * (i + 0.5), v = PITCH * (j + 0.5), x, y;
-            displacement d = interpolate(inv, i, j, 0.5F, 0.5F);
-            bool there = arris_undistort(&inv->camera, u, v, &x, &y) == 0;
-            inv->exact[j * inv->columns + i] =
-                !(there && hypot(u + (double)d.x - x, v + (double)d.y - y) < TOLERANCE);
-        }
-}
-
-inverse *inverse_new(const arris_camera *camera) {
-    inverse *inv = calloc(1, sizeof *inv);
-    if (!inv)
-        return NULL;
-    inv->camera = *camera;
-    inv->columns = (camera->width - 1) / PITCH + 4; /* a cell has a node more on either side */
-    inv->rows = (camera->height - 1) / PITCH + 4;
-    size_t n = (size_t)inv->columns * inv->rows;
-    inv->node = malloc(n * sizeof *inv->node);
-    inv->exact = calloc(n, sizeof *inv->exact);
-    if (!inv->node || !inv->exact) {
-        inverse_free(inv);
-        return NULL;
-    }
-    fill_nodes(inv);
-    try_cells(inv);
-    return inv;
-}
-
-void inverse_free(inverse *inv) {
-    if (!inv)
-        return;
-    free(inv->node);
-    free(inv->exact);
-    free(inv);
-}
-
-static bool undistort_exactly(const inverse *inv, float *x, float *y) {
+static bool solve_exactly(const inverse *inv, float *x, float *y) {
     double ideal_x, ideal_y;
     if (arris_undistort(&inv->camera, (double)*x, (double)*y, &ideal_x, &ideal_y))
         return false;
@@ -110,19 +58,120 @@ static bool undistort_exactly(const inverse *inv, float *x, float *y) {
     return true;
 }
 
+/* Whether a corner of the cell of a point in the picture is bad. */
+static bool near_bad(const inverse *inv, float x, float y) {
+    const bool *cell = inv->bad + (int)y / PITCH * (inv->columns + 1) + (int)x / PITCH;
+    return cell[0] || cell[1] || cell[inv->columns + 1] || cell[inv->columns + 2];
+}
+
+/* The points that are not good, one by one. Returns how many have no inverse: their x becomes NAN.
+ */
+__attribute__((noinline)) static uint32_t mend(const inverse *inv, const arris_edge_point *in,
+                                               uint32_t n, const int32_t *good,
+                                               arris_edge_point *out) {
+    uint32_t dropped = 0;
+    for (uint32_t k = 0; k < n; k++) {
+        arris_edge_point p = in[k];
+        if (good[k] && !(inv->any_bad && near_bad(inv, p.x, p.y)))
+            continue;
+        if (!solve_exactly(inv, &p.x, &p.y))
+            p.x = NAN, dropped++;
+        out[k] = p;
+    }
+    return dropped;
+}
+
+/* Moves up to LANES points; x becomes NAN where there is no inverse. Returns how often that was. */
+INLINE uint32_t move(const inverse *inv, const arris_edge_point *in, uint32_t n,
+                     arris_edge_point *out) {
+    float right = (float)(inv->camera.width - 1), bottom = (float)(inv->camera.height - 1);
+    eight x, y;
+    eight_ints good, inside;
+    int32_t bad = inv->any_bad;
+    for (uint32_t k = 0; k < LANES; k++)
+        x[k] = in[k < n ? k : 0].x, y[k] = in[k < n ? k : 0].y;
+    inside = (x >= 0) & (y >= 0) & (x <= right) & (y <= bottom);
+    solve(&inv->lens, &x, &y, &good);
+    good &= inside;
+    for (uint32_t k = 0; k < n; k++) {
+        out[k] = (arris_edge_point){x[k], y[k], in[k].gx, in[k].gy};
+        bad |= ~good[k];
+    }
+    return bad ? mend(inv, in, n, (const int32_t *)&good, out) : 0;
+}
+
+INLINE uint32_t move_all(const inverse *inv, const arris_edge_point *in, uint32_t n,
+                         arris_edge_point *out) {
+    uint32_t dropped = 0, i = 0;
+    for (; i + LANES <= n; i += LANES)
+        dropped += move(inv, in + i, LANES, out + i);
+    return i < n ? dropped + move(inv, in + i, n - i, out + i) : dropped;
+}
+
+static uint32_t move_portable(const inverse *inv, const arris_edge_point *in, uint32_t n,
+                              arris_edge_point *out) {
+    return move_all(inv, in, n, out);
+}
+
+AVX2_PATH static uint32_t move_avx2(const inverse *inv, const arris_edge_point *in, uint32_t n,
+                                    arris_edge_point *out) {
+    return move_all(inv, in, n, out);
+}
+
+static uint32_t move_points(const inverse *inv, const arris_edge_point *in, uint32_t n,
+                            arris_edge_point *out) {
+    return (HAS_AVX2 ? move_avx2 : move_portable)(inv, in, n, out);
+}
+
 bool inverse_point(const inverse *inv, float *x, float *y) {
-    const arris_camera *c = &inv->camera;
-    if (!(*x >= 0 && *y >= 0 && *x <= (float)(c->width - 1) && *y <= (float)(c->height - 1)))
-        return undistort_exactly(inv, x, y);
-    int i = (int)*x / PITCH, j = (int)*y / PITCH;
-    if (inv->exact[j * inv->columns + i])
-        return undistort_exactly(inv, x, y);
-    displacement d =
-        interpolate(inv, i, j, *x * (1.F / PITCH) - (float)i, *y * (1.F / PITCH) - (float)j);
-    *x += d.x;
-    *y += d.y;
+    arris_edge_point p = {.x = *x, .y = *y}, to;
+    if (move_points(inv, &p, 1, &to))
+        return false;
+    *x = to.x, *y = to.y;
     return true;
 }
+
+/* ---- the grid ------------------------------------------------------------------------------- */
+
+static void try_corners(inverse *inv) {
+    for (int j = 0; j <= inv->rows; j++)
+        for (int i = 0; i <= inv->columns; i++) {
+            double u = fmin(PITCH * i, inv->camera.width - 1), x, y;
+            double v = fmin(PITCH * j, inv->camera.height - 1);
+            float a = (float)u, b = (float)v;
+            bool there = arris_undistort(&inv->camera, u, v, &x, &y) == 0;
+            bool bad = !(there && inverse_point(inv, &a, &b) &&
+                         hypot((double)a - x, (double)b - y) < TOLERANCE + 1e-7 * fabs(u + v));
+            inv->bad[j * (inv->columns + 1) + i] = bad;
+            inv->any_bad |= bad;
+        }
+}
+
+inverse *inverse_new(const arris_camera *camera) {
+    inverse *inv = calloc(1, sizeof *inv);
+    if (!inv)
+        return NULL;
+    inv->camera = *camera;
+    inv->lens = lens_of(camera);
+    inv->columns = (camera->width - 1) / PITCH + 1;
+    inv->rows = (camera->height - 1) / PITCH + 1;
+    inv->bad = calloc((size_t)(inv->columns + 1) * (inv->rows + 1), sizeof *inv->bad);
+    if (!inv->bad) {
+        inverse_free(inv);
+        return NULL;
+    }
+    try_corners(inv);
+    return inv;
+}
+
+void inverse_free(inverse *inv) {
+    if (!inv)
+        return;
+    free(inv->bad);
+    free(inv);
+}
+
+/* ---- chains --------------------------------------------------------------------------------- */
 
 /* Closes the chain whose points start at `first`; one that doesn't fit is lost. */
 static void end_chain(arris_edges *out, uint32_t first, bool closed) {
@@ -136,24 +185,32 @@ static void end_chain(arris_edges *out, uint32_t first, bool closed) {
     }
 }
 
+/* Takes up the n points behind those of `out`, of which some have no inverse. */
+static void split_chain(arris_edges *out, uint32_t n) {
+    uint32_t first = out->n;
+    for (const arris_edge_point *p = out->point + out->n, *end = p + n; p < end; p++) {
+        if (!isnan(p->x)) {
+            out->point[out->n++] = *p;
+            continue;
+        }
+        end_chain(out, first, false);
+        first = out->n;
+    }
+    end_chain(out, first, false);
+}
+
 static uint32_t undistort_chain(const inverse *inv, const arris_edges *in, const arris_chain *c,
                                 arris_edges *out) {
-    uint32_t first = out->n, dropped = 0, lost = 0;
-    for (uint32_t i = 0; i < c->n; i++) {
-        arris_edge_point p = in->point[c->first + i];
-        if (!inverse_point(inv, &p.x, &p.y)) {
-            dropped++;
-            end_chain(out, first, false);
-            first = out->n;
-        } else if (out->n < out->max) {
-            out->point[out->n++] = p;
-        } else {
-            lost++;
-        }
+    uint32_t first = out->n, room = out->max - out->n, n = c->n < room ? c->n : room;
+    uint32_t dropped = move_points(inv, in->point + c->first, n, out->point + first);
+    out->lost += c->n - n;
+    if (dropped > 0) {
+        split_chain(out, n);
+        return dropped;
     }
-    end_chain(out, first, c->closed && !dropped && !lost);
-    out->lost += lost;
-    return dropped;
+    out->n += n;
+    end_chain(out, first, c->closed && n == c->n);
+    return 0;
 }
 
 uint32_t inverse_edges(const inverse *inv, const arris_edges *in, const arris_camera *ideal,

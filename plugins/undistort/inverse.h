@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * inverse.h: the lens undone at a few nanoseconds a point, from a table of arris_undistort.
+ * inverse.h: the lens undone at a few nanoseconds a point.
  */
 #ifndef INVERSE_H
 #define INVERSE_H
@@ -9,7 +9,7 @@
 
 typedef struct inverse inverse;
 
-/* Tabulates the inverse of `camera`, whose picture is at most 8192 px a side. NULL: no memory. */
+/* Prepares the inverse of `camera`, whose picture is at most 8192 px a side. NULL: no memory. */
 inverse *inverse_new(const arris_camera *camera);
 void inverse_free(inverse *inv); /* NULL is allowed */
 
