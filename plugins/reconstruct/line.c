@@ -11,7 +11,7 @@
 static const double GATE = 14;      /* chi-square of 2 degrees of freedom: one in a thousand */
 static const double FAR = 3;        /* px: a segment so far off is another edge's */
 static const double MOVED = 0.25;   /* squared sigmas after which all is linearised anew */
-static const double STANDS = 1e-6;  /* a step of fewer squared sigmas is the last one */
+static const double STANDS = 1e-3;  /* a step of fewer squared sigmas is the last one */
 static const double SWING = 5;      /* px of parallax: with less it is not observable */
 static const double ALONG = 0.0140; /* rad: nor when the camera moves this near its direction */
 static const double PARALLAX = 0.1; /* nor with a sigma above this share of its distance */
@@ -229,26 +229,49 @@ void line_resume(line *l, const scene *s, const double x[4]) {
     survey(l, s);
 }
 
-/* Refines the estimate from l->f on; a second time because the first start may be far off. */
+/* Refines the estimate from l->f on. */
 static void fit_from_start(line *l, const scene *s) {
     memset(l->rest, 0, l->n_kept * sizeof *l->rest);
     memset(l->x, 0, sizeof l->x);
     l->ends[0] = -1, l->ends[1] = 1;
     line_refine(l, s);
-    line_trim(l);
+}
+
+/* Whether the planes of the views turn about the line by enough to see where it is, as far as noise
+ * and outliers let that be told beforehand. */
+static bool may_be_observable(const line *l) {
+    const double *p = l->kept[0].plane;
+    double least = SWING * SWING / 16;
+    for (uint32_t i = 1; i < l->n_kept; i++) {
+        const double *q = l->kept[i].plane;
+        double n[3];
+        arris_cross(p, q, n);
+        if (arris_dot(n, n) > least * arris_dot(q, q))
+            return true;
+    }
+    return false;
+}
+
+/* Fits the line where nothing but a start is known. False when it is not observable. */
+static bool fit_anew(line *l, const scene *s) {
+    if (!may_be_observable(l) || !line_start(l, s))
+        return false;
+    fit_from_start(l, s);
+    if (!line_observable(l))
+        return false;
+    line_trim(l); /* the start may be far off */
     line_refine(l, s);
-    survey(l, s);
+    return line_observable(l);
 }
 
 void line_fit(line *l, const scene *s) {
-    bool found = line_start(l, s);
-    if (found)
-        fit_from_start(l, s);
-    l->settled = found && line_observable(l) && 2 * l->all.n > l->n_kept;
-    if (!found || !line_observable(l)) {
+    bool observable = fit_anew(l, s);
+    l->settled = observable && 2 * l->all.n > l->n_kept;
+    if (!observable) {
         line_guess(l, s);
         fit_from_start(l, s);
     }
+    survey(l, s);
     l->rejected = 0;
     l->next_fit = l->seen + 1 + l->seen / 2;
 }
