@@ -113,7 +113,7 @@ static bool contradicts(const forecast *line, const track *k, const viewpoint *v
     s.cov[0] = (c[0] + 2 * c[1] + c[2]) / 4;
     s.cov[1] = (c[2] - c[0]) / (2 * length);
     s.cov[2] = (c[0] - 2 * c[1] + c[2]) / (length * length);
-    return forecast_misfit(line, &s) >= 1;
+    return !forecast_near(line, &s, forecast_reach(line)) || forecast_misfit(line, &s) >= 1;
 }
 
 static void forecast_one(tracker *t, track *k, const viewpoint *v) {

@@ -86,10 +86,8 @@ static void covariance(const forecast *f, const arris_segment *s, const double t
 
 /* forecast_misfit; *spread is the logarithm of the covariance's determinant. */
 static double misfit(const forecast *f, const arris_segment *s, double *spread) {
-    double t[2], d[2], share, c[3], reach = forecast_reach(f);
-    const arris_segment *p = &f->where;
-    if (apart(p->x1, p->x2, s->x1, s->x2, reach) || apart(p->y1, p->y2, s->y1, s->y2, reach) ||
-        (share = segment_stretch(p, s, t, d)) <= 0)
+    double t[2], d[2], c[3], share = segment_stretch(&f->where, s, t, d);
+    if (share <= 0)
         return 1;
     if (f->box > 0 && (fabs(d[0]) > f->box || fabs(d[1]) > f->box))
         return 1;
@@ -98,6 +96,11 @@ static double misfit(const forecast *f, const arris_segment *s, double *spread) 
     double chi2 = (c[2] * d[0] * d[0] - 2 * c[1] * d[0] * d[1] + c[0] * d[1] * d[1]) / det;
     *spread = log(det);
     return chi2 < GATE ? chi2 / GATE + STRETCH * (1 - share) : 1;
+}
+
+bool forecast_near(const forecast *f, const arris_segment *s, double reach) {
+    const arris_segment *p = &f->where;
+    return !apart(p->x1, p->x2, s->x1, s->x2, reach) && !apart(p->y1, p->y2, s->y1, s->y2, reach);
 }
 
 double forecast_misfit(const forecast *f, const arris_segment *s) {

@@ -22,12 +22,16 @@ forecast forecast_box(const arris_segment *where, double box);
 /* How far off the forecast may be across itself, px. */
 double forecast_reach(const forecast *f);
 
-/* How badly the segment agrees: 0 when it is where it was foreseen, in the whole of it, 1 and more
+/* Whether the segment, of either direction, may be within `reach` of the forecast: what is not is
+ * none of it. */
+bool forecast_near(const forecast *f, const arris_segment *s, double reach);
+
+/* How badly the segment, which is near, agrees: 0 when it is where it was foreseen, in the whole of it, 1 and more
  * where it is out of the gate, by the Mahalanobis distance of position and direction, or where it
  * has too little in common with the forecast. */
 double forecast_misfit(const forecast *f, const arris_segment *s);
 
-/* What speaks against the segment's being what was foreseen, polarity and contrast included; the
+/* What speaks against such a segment's being what was foreseen, polarity and contrast included; the
  * smaller, the more likely. INFINITY when it is none. *off is its misfit. */
 double forecast_cost(const forecast *f, const arris_segment *s, double *off);
 

@@ -69,10 +69,11 @@ void tracker_merge(tracker *t, int32_t line, int32_t into) {
 
 double explained(tracker *t, const forecast *f) {
     uint32_t n;
-    double least = 1;
-    const uint32_t *near = index_near(t->index, &f->where, forecast_reach(f), &n);
+    double least = 1, reach = forecast_reach(f);
+    const uint32_t *near = index_near(t->index, &f->where, reach, &n);
     for (uint32_t i = 0; i < n; i++)
-        least = fmin(least, forecast_misfit(f, &t->in[near[i]]));
+        if (forecast_near(f, &t->in[near[i]], reach))
+            least = fmin(least, forecast_misfit(f, &t->in[near[i]]));
     return 1 - least;
 }
 
@@ -104,6 +105,8 @@ static double find_pairs(tracker *t, int32_t number) {
     size_t first = t->n_pairs;
     for (uint32_t i = 0; i < n; i++) {
         double off;
+        if (!forecast_near(f, &t->in[near[i]], reach))
+            continue;
         pair p = {forecast_cost(f, &t->in[near[i]], &off) + handicap, number, (int32_t)near[i]};
         if (p.cost < (double)INFINITY) {
             note(t, first, &p);
