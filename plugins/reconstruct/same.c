@@ -10,6 +10,7 @@ static const double GATE = 18.5;      /* chi-square of 4 degrees of freedom: one
 static const double GAP = 5;          /* px that may lie between the two */
 static const double NEAR = 0.01;      /* of the distance: farther apart, they are never the same */
 static const double COS_TURN = 0.9;   /* between their directions: 25° */
+static const double COS_APART = 0.7;  /* likewise, before they have moved */
 static const double CLOSE = 1;        /* px: what is seen farther off is another edge */
 static const double FAR = 0.05;       /* of the distance, that the camera must have moved */
 static const double SLANT = 0.05;     /* rad: and within this of the line's direction */
@@ -60,6 +61,8 @@ static bool near(const double offset[4], double limit, bool depth) {
 bool line_same(const line *a, const line *b, const scene *s, bool turned) {
     double place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]};
     if (a->parted || b->parted) /* it was told apart when its uncertainty was its own */
+        return false;
+    if (fabs(arris_dot(a->f.u, b->f.u)) < COS_APART)
         return false;
     if (turned && arris_dot(a->kept[a->n_kept - 1].step, b->kept[b->n_kept - 1].step) > 0)
         return false; /* an estimate is, the edge is not */
