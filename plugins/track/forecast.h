@@ -26,9 +26,9 @@ double forecast_reach(const forecast *f);
  * none of it. */
 bool forecast_near(const forecast *f, const arris_segment *s, double reach);
 
-/* How badly the segment, which is near, agrees: 0 when it is where it was foreseen, in the whole of it, 1 and more
- * where it is out of the gate, by the Mahalanobis distance of position and direction, or where it
- * has too little in common with the forecast. */
+/* How badly the segment, which is near, agrees: 0 when it is where it was foreseen, in the whole of
+ * it, 1 and more where it is out of the gate, by the Mahalanobis distance of position and
+ * direction, or where it has too little in common with the forecast. */
 double forecast_misfit(const forecast *f, const arris_segment *s);
 
 /* What speaks against such a segment's being what was foreseen, polarity and contrast included; the
