@@ -30,6 +30,7 @@ typedef float four __attribute__((vector_size(16)));
 typedef uint8_t bytes __attribute__((vector_size(16)));
 /* Of a comparison: all bits of a lane where it is true. */
 typedef int32_t eight_ints __attribute__((vector_size(32), aligned(16)));
+typedef uint32_t eight_bits __attribute__((vector_size(32), aligned(16)));
 
 INLINE float eight_sum(const eight *a) {
     return ((*a)[0] + (*a)[4] + ((*a)[2] + (*a)[6])) + ((*a)[1] + (*a)[5] + ((*a)[3] + (*a)[7]));

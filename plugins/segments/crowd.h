@@ -30,15 +30,14 @@ void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arr
 /* Adds a point of the picture. */
 void crowd_add(crowd *c, float x, float y);
 
-/* The points around pixel `at` of row `line` (of a column when `column`): those CROWD_REACH px to
- * either side, from the lowest bit on. The pixel must be in the picture. Little-endian, as all our
- * targets are. */
-INLINE int32_t crowd_around(const crowd *c, bool column, int line, int at) {
-    unsigned bit = (unsigned)at + 64 - CROWD_REACH;
-    const uint64_t *words = c->bits[column] + (size_t)line * c->stride[column];
-    uint32_t bits;
-    memcpy(&bits, (const uint8_t *)words + bit / 8, sizeof bits);
-    return (int32_t)(bits >> bit % 8);
+enum { CROWD_FIRST = 64 - CROWD_REACH };
+
+/* The bytes of all rows (of all columns when `columns`), one after another: how many a row takes,
+ * and where they are. The points around pixel `at`, those CROWD_REACH px to either side, are the
+ * bits from at + CROWD_FIRST on. Little-endian, as all our targets are. */
+INLINE void crowd_view(const crowd *c, bool columns, const uint8_t **bits, size_t *stride) {
+    *bits = (const uint8_t *)c->bits[columns];
+    *stride = c->stride[columns] * sizeof(uint64_t);
 }
 
 /* Of eight pixels, the distance in px to the nearest of the points around them that is more than

@@ -20,10 +20,11 @@ typedef struct row_line {
 
 /* Where a row is in the picture. */
 typedef struct row_place {
-    int32_t line;   /* its number */
-    int32_t at;     /* the first pixel behind the line */
+    int16_t line;   /* its number */
+    int16_t at;     /* the first pixel behind the line */
     uint8_t half;   /* px to either side that are free of other edges */
     uint8_t filter; /* of those of a scale */
+    uint16_t none;
 } row_place;
 
 /* Sums over the rows; those of lanes are weighted by the filters' responses. */

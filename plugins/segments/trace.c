@@ -80,49 +80,71 @@ static bool stretch_make(const rows *r, const row_line *l, double t0, double t1,
     return true;
 }
 
-/* Eight rows of a stretch. */
+/* Where the line is in eight rows. */
 typedef struct eight_rows {
-    int32_t before[LANES]; /* the last pixel that is not behind the line */
-    int32_t around[LANES]; /* the points there (crowd.h) */
-    float part[LANES];     /* px from there to the line */
-    float t[LANES], across[LANES], shift[LANES];
-    int32_t half[LANES], filter[LANES], pull[LANES];
-    int32_t kept[LANES]; /* -1 for those that have room, 0 else */
+    eight_ints line, before;      /* before: the last pixel that is not behind the line */
+    eight part, t, across, shift; /* part: px from there to the line */
+    eight_ints around;            /* the points there (crowd.h) */
+    eight_ints half, filter;
+    eight_ints kept; /* all bits for those that have room */
 } eight_rows;
 
-/* Where the line is in the rows from `first` on; what is beyond the stretch repeats its end. */
-INLINE void follow(const rows *r, const stretch *s, course *u, course *t, course *across, int first,
-                   int width, eight_rows *e) {
+/* A course over eight rows, relative to `base`, and on. */
+INLINE void follow(course *c, double base, eight *value) {
+    const eight k = {0, 1, 2, 3, 4, 5, 6, 7}, bends = {0, 0, 1, 3, 6, 10, 15, 21};
+    *value = (float)(c->value - base) + k * (float)c->step + bends * (float)c->bend;
+    c->value += LANES * c->step + 28 * c->bend, c->step += LANES * c->bend;
+}
+
+/* The points around the line. */
+INLINE void look_around(const rows *r, eight_rows *e) {
+    const uint8_t *bits;
+    size_t stride;
+    eight_ints at = e->before - (e->part > 0.5f), bit, byte;
+    crowd_view(r->crowd, r->columns, &bits, &stride);
+    bit = at + CROWD_FIRST;
+    byte = e->line * (int32_t)stride + (bit >> 3);
     for (int k = 0; k < LANES; k++) {
-        int line = first + k < s->end ? first + k : s->end - 1;
-        double x = u->value > 0 ? u->value : 0;
-        x = x < width - 1 ? x : width - 1;
-        int before = (int)x;
-        float part = (float)(x - before);
-        e->before[k] = before;
-        e->part[k] = part;
-        e->around[k] = crowd_around(r->crowd, r->columns, line, before + (part > 0.5f));
-        e->t[k] = (float)t->value;
-        e->across[k] = (float)across->value;
-        u->value += u->step, u->step += u->bend;
-        t->value += t->step, t->step += t->bend;
-        across->value += across->step;
+        int32_t word;
+        memcpy(&word, bits + byte[k], sizeof word);
+        e->around[k] = word;
     }
+    e->around = (eight_ints)((eight_bits)e->around >> (eight_bits)(bit & 7));
+}
+
+/* The eight rows from `first` on; what is beyond the stretch repeats its end. */
+INLINE void follow_all(const rows *r, const stretch *s, course *u, course *t, course *across,
+                       int first, int width, eight_rows *e) {
+    const eight_ints row = {0, 1, 2, 3, 4, 5, 6, 7};
+    double last = u->value + (LANES - 1) * u->step, base = u->value < last ? u->value : last;
+    eight x, zero = {0};
+    base = base > 1 ? base - 1 : 0;
+    base = (int)(base < width ? base : width - 1);
+    eight most = zero + ((float)(width - 1) - (float)base);
+    follow(u, base, &x);
+    follow(t, 0, &e->t);
+    follow(across, 0, &e->across);
+    x = EIGHT_CHOOSE(x > 0, x, zero);
+    x = EIGHT_CHOOSE(x < most, x, most);
+    e->before = __builtin_convertvector(x, eight_ints);
+    e->part = x - __builtin_convertvector(e->before, eight);
+    e->before += (int32_t)base;
+    e->line = row + first;
+    e->line = EIGHT_LEAST(e->line, (eight_ints){0} + (s->end - 1));
+    look_around(r, e);
 }
 
 /* The half-widths that other edges, the border and the line's end leave, and what comes of them.
- * `left`: how many of the rows are the stretch's. */
-INLINE void fit_in(const rows *r, const stretch *s, int left, int width, eight_rows *e) {
-    eight part, t, most = (eight){0} + STEP_HALF;
-    eight_ints around, before, near, row = {0, 1, 2, 3, 4, 5, 6, 7};
-    memcpy(&part, e->part, sizeof part);
-    memcpy(&t, e->t, sizeof t);
-    memcpy(&around, e->around, sizeof around);
-    memcpy(&before, e->before, sizeof before);
-    crowd_nearest(&around, s->own, &near);
+ * `left`: how many of the rows are the stretch's. *pull: what other edges do. */
+INLINE void fit_in(const rows *r, const stretch *s, int left, int width, eight_rows *e,
+                   eight *pull) {
+    const eight_ints row = {0, 1, 2, 3, 4, 5, 6, 7};
+    eight most = (eight){0} + STEP_HALF, part = e->part;
+    eight_ints near, before = e->before;
+    crowd_nearest(&e->around, s->own, &near);
     eight_ints clear = near - s->clear, middle = (near + 1) >> 1, at = before + 1;
     eight_ints behind = width - at, between = EIGHT_MOST(clear, middle);
-    eight to_end = (s->to_end - EIGHT_ABS(t) - (float)END) * s->per_along;
+    eight to_end = (s->to_end - EIGHT_ABS(e->t) - (float)END) * s->per_along;
     to_end = EIGHT_CHOOSE(to_end < most, to_end, most);
     eight_ints half = __builtin_convertvector(to_end, eight_ints);
     half = EIGHT_LEAST(half, between);
@@ -131,60 +153,63 @@ INLINE void fit_in(const rows *r, const stretch *s, int left, int width, eight_r
     /* a filter's phase counts from the pixel behind */
     eight_ints cell = __builtin_convertvector(part * STEP_PHASES, eight_ints);
     cell += cell == STEP_PHASES; /* rounded up */
-    eight shift = part - (__builtin_convertvector(cell, eight) + 0.5f) / STEP_PHASES;
-    eight_ints filter = (half - STEP_MIN) * STEP_PHASES + STEP_PHASES - 1 - cell;
-    eight pull = __builtin_convertvector(near, eight) * (2 / r->slant);
-    eight_ints kept =
+    e->shift = part - (__builtin_convertvector(cell, eight) + 0.5f) / STEP_PHASES;
+    e->half = half;
+    e->filter = (half - STEP_MIN) * STEP_PHASES + STEP_PHASES - 1 - cell;
+    e->kept =
         (half >= STEP_MIN) & (row < left) & (before < width - 1) & ((before > 0) | (part > 0));
-    eight_ints pull_at = __builtin_convertvector(pull, eight_ints);
-    memcpy(e->shift, &shift, sizeof shift);
-    memcpy(e->half, &half, sizeof half);
-    memcpy(e->filter, &filter, sizeof filter);
-    memcpy(e->pull, &pull_at, sizeof pull_at);
-    memcpy(e->kept, &kept, sizeof kept);
-}
-
-/* Appends row k of the eight from `first` on. */
-INLINE void append(rows *r, const eight_rows *e, int first, int k) {
-    r->place[r->n++] =
-        (row_place){first + k, e->before[k] + 1, (uint8_t)e->half[k], (uint8_t)e->filter[k]};
-    r->pull += r->pulls[e->pull[k]];
-    r->room += (uint32_t)e->half[k];
+    eight_ints pulls =
+        __builtin_convertvector(__builtin_convertvector(near, eight) * (2 / r->slant), eight_ints);
+    for (int k = 0; k < LANES; k++)
+        (*pull)[k] = r->pulls[pulls[k]];
 }
 
 /* Appends those of the eight that have room; mostly that is all of them. */
-INLINE void keep(rows *r, const eight_rows *e, int first) {
+INLINE void keep(rows *r, const eight_rows *e) {
     float *t = (float *)r->t + r->n, *across = (float *)r->across + r->n;
     float *shift = (float *)r->shift + r->n;
+    row_place *place = r->place + r->n;
+    eight_ints where = e->line + (e->before + 1) * 65536, how = e->half + e->filter * 256, two[2];
+    two[0] = __builtin_shufflevector(where, how, 0, 8, 1, 9, 2, 10, 3, 11);
+    two[1] = __builtin_shufflevector(where, how, 4, 12, 5, 13, 6, 14, 7, 15);
+    memcpy(place, two, sizeof two); /* little-endian, as all our targets are */
+    memcpy(t, &e->t, sizeof e->t);
+    memcpy(across, &e->across, sizeof e->across);
+    memcpy(shift, &e->shift, sizeof e->shift);
     int32_t all = -1;
     for (int k = 0; k < LANES; k++)
         all &= e->kept[k];
     if (all) {
-        memcpy(t, e->t, sizeof e->t);
-        memcpy(across, e->across, sizeof e->across);
-        memcpy(shift, e->shift, sizeof e->shift);
-        for (int k = 0; k < LANES; k++)
-            append(r, e, first, k);
+        r->n += LANES;
         return;
     }
+    int n = 0;
     for (int k = 0; k < LANES; k++) {
-        if (!e->kept[k])
-            continue;
-        *t++ = e->t[k], *across++ = e->across[k], *shift++ = e->shift[k];
-        append(r, e, first, k);
+        place[n] = place[k];
+        t[n] = t[k], across[n] = across[k], shift[n] = shift[k];
+        n -= e->kept[k];
     }
+    r->n += (uint32_t)n;
 }
 
 /* Appends the rows of a stretch that have room. */
 INLINE void place(rows *r, const stretch *s) {
     int width = r->columns ? r->image->height : r->image->width;
     course u = s->u, t = s->t, across = s->across;
+    eight pulls = {0};
+    eight_ints room = {0};
     for (int i = s->first; i < s->end && r->n + LANES <= r->max; i += LANES) {
         eight_rows e;
-        follow(r, s, &u, &t, &across, i, width, &e);
-        fit_in(r, s, s->end - i, width, &e);
-        keep(r, &e, i);
+        eight pull;
+        follow_all(r, s, &u, &t, &across, i, width, &e);
+        fit_in(r, s, s->end - i, width, &e, &pull);
+        pulls += (eight)((eight_ints)pull & e.kept);
+        room += e.half & e.kept;
+        keep(r, &e);
     }
+    r->pull += eight_sum(&pulls);
+    for (int k = 0; k < LANES; k++)
+        r->room += (uint32_t)room[k];
 }
 
 static void place_portable(rows *r, const stretch *s) {
