@@ -36,6 +36,26 @@ INLINE float eight_sum(const eight *a) {
     return ((*a)[0] + (*a)[4] + ((*a)[2] + (*a)[6])) + ((*a)[1] + (*a)[5] + ((*a)[3] + (*a)[7]));
 }
 
+/* Rows to columns. */
+INLINE void eight_transpose(const eight from[LANES], eight to[LANES]) {
+    eight a[LANES], b[LANES];
+    for (int i = 0; i < LANES; i += 2) {
+        a[i] = __builtin_shufflevector(from[i], from[i + 1], 0, 8, 1, 9, 4, 12, 5, 13);
+        a[i + 1] = __builtin_shufflevector(from[i], from[i + 1], 2, 10, 3, 11, 6, 14, 7, 15);
+    }
+    for (int i = 0; i < LANES; i += 4)
+        for (int k = 0; k < 2; k++) {
+            b[i + 2 * k] =
+                __builtin_shufflevector(a[i + k], a[i + k + 2], 0, 1, 8, 9, 4, 5, 12, 13);
+            b[i + 2 * k + 1] =
+                __builtin_shufflevector(a[i + k], a[i + k + 2], 2, 3, 10, 11, 6, 7, 14, 15);
+        }
+    for (int i = 0; i < LANES / 2; i++) {
+        to[i] = __builtin_shufflevector(b[i], b[i + 4], 0, 1, 2, 3, 8, 9, 10, 11);
+        to[i + 4] = __builtin_shufflevector(b[i], b[i + 4], 4, 5, 6, 7, 12, 13, 14, 15);
+    }
+}
+
 #define EIGHT_ABS(a) ((eight)((eight_ints)(a)&INT32_MAX))
 
 /* a where the bits are set, elsewhere b */

@@ -172,13 +172,18 @@ INLINE void offsets(refitter *f, const state *s) {
     float ramp = (float)(2 * s->kink * s->blur * s->blur) * r->slant * r->slant;
     eight least = (eight){0} + 0.2f * fabsf(c0), sign = (eight){0} + copysignf(1, c0);
     for (uint32_t i = 0; LANES * i < r->n; i++) {
+        eight a[LANES], o[LANES];
+        eight_transpose(r->answers + LANES * i, a);
+        eight_transpose(r->offset + LANES * i, o);
         eight size = (c0 + c1 * r->t[i]) * sign; /* the contrast may fade, but not vanish */
         size = EIGHT_CHOOSE(size > least, size, least) * sign;
-        eight across = r->across[i] / (r->response[i] * size * (1 + r->gain[i] * widen));
-        eight answer = r->answer[i] + ramp * r->response[i] - lean * r->slopes[i] -
-                       kink * r->by_kink[i] - slope * r->by_slope[i];
+        eight response = o[STEP_RESPONSE];
+        eight across = r->across[i] / (response * size * (1 + o[STEP_GAIN] * widen));
+        eight slopes = o[STEP_PER_KINK] * a[STEP_KINK] + o[STEP_PER_SLOPE] * a[STEP_SLOPE];
+        eight answer = a[STEP_OFFSET] + ramp * response - lean * slopes - kink * o[STEP_BY_KINK] -
+                       slope * o[STEP_BY_SLOPE];
         f->offset[i] = -r->across[i] * r->shift[i] - across * answer;
-        f->weight[i] = 1 / (EIGHT_ABS(across) * (noise + noise * lean * r->unsure[i]));
+        f->weight[i] = 1 / (EIGHT_ABS(across) * (noise + noise * lean * o[STEP_UNSURE]));
     }
     for (uint32_t i = r->n; i % LANES; i++)
         f->offset[i / LANES][i % LANES] = f->weight[i / LANES][i % LANES] = 0;

@@ -22,18 +22,13 @@ int rows_init(rows *r, int width, int height) {
         (size_t)(width > height ? width : height) / LANES + 2; /* whole eights are appended */
     *r = (rows){.max = (uint32_t)(LANES * n)};
     r->place = malloc(r->max * sizeof *r->place);
-    eight *p = r->t = aligned_alloc(sizeof(eight), 10 * n * sizeof(eight));
+    eight *p = r->t = aligned_alloc(sizeof(eight), (3 + 2 * LANES) * n * sizeof(eight));
     if (!r->place || !p)
         return ARRIS_E_MEMORY;
     r->across = p += n;
     r->shift = p += n;
-    r->answer = p += n;
-    r->response = p += n;
-    r->gain = p += n;
-    r->slopes = p += n;
-    r->unsure = p += n;
-    r->by_kink = p += n;
-    r->by_slope = p + n;
+    r->answers = p += n;
+    r->offset = p + LANES * n;
     for (int i = 0; i < ROWS_PULLS; i++)
         r->pulls[i] = (float)(PULL * exp(-PULL_FALL * (i / 2. - 3)));
     return 0;
@@ -195,17 +190,13 @@ INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t
 /* `filters` are those of one scale. */
 INLINE void measure(rows *r, const step_filter *filters, int base, int shift, filter *answer_to) {
     const float *t = (const float *)r->t;
-    float *answer = (float *)r->answer, *response = (float *)r->response;
-    float *gain = (float *)r->gain, *slopes = (float *)r->slopes, *unsure = (float *)r->unsure;
-    float *by_kink = (float *)r->by_kink, *by_slope = (float *)r->by_slope;
     float unit = (float)(1 << shift), per_answer = unit / STEP_UNIT;
     row_sums all = {0};
     block columns;
     columns.line = -BLOCK_LINES; /* holds nothing */
     int last = last_whole(r);
     for (uint32_t i = 0; i < r->n; i++) {
-        const row_place *q = &r->place[i];
-        const step_filter *f = &filters[q->filter];
+        const step_filter *f = &filters[r->place[i].filter];
         int16_t px[STEP_WIDTH];
         eight_ints sum, square;
         fetch(r, i, last, base, shift, &columns, px);
@@ -213,12 +204,8 @@ INLINE void measure(rows *r, const step_filter *filters, int base, int shift, fi
         eight a = __builtin_convertvector(sum, eight) * per_answer;
         add(&all, f, &a, t[i]);
         all.squares += __builtin_convertvector(square, eight) * (unit * unit);
-        answer[i] = a[STEP_OFFSET];
-        response[i] = f->response[STEP_OFFSET];
-        gain[i] = f->gain;
-        slopes[i] = f->kink * a[STEP_KINK] + f->slope * a[STEP_SLOPE];
-        unsure[i] = f->unsure;
-        by_kink[i] = f->by_kink, by_slope[i] = f->by_slope;
+        r->answers[i] = a;
+        r->offset[i] = f->offset;
     }
     r->sum = all;
 }

@@ -51,18 +51,14 @@ typedef struct rows {
     bool columns;  /* the rows are columns of the picture */
     float slant;   /* px of a row that the step covers per px across it */
     row_sums sum;
-    /* of each row, in eights; the last eight are filled up with copies */
-    row_place *place;
-    eight *t;        /* place along the line from its middle, px */
-    eight *across;   /* px across the line, to its right, per px of the row */
-    eight *shift;    /* px of the row from the place that the filter assumes to the line */
-    eight *answer;   /* of the filter of the offset, grey levels */
-    eight *response; /* of that filter to a px of offset, per level of contrast (step.h) */
-    eight *gain;     /* of the response with blur (step.h) */
-    eight *slopes;   /* what slopes beside the line add to the answer, as measured in the row */
-    eight *unsure;   /* how much sigma grows, relatively, when that is taken out */
-    eight *by_kink;  /* the same per level per px that the sides differ by */
-    eight *by_slope; /* and that they have in common */
+    row_place *place; /* of each row */
+    /* likewise, in eights; the last eight are filled up with copies */
+    eight *t;      /* place along the line from its middle, px */
+    eight *across; /* px across the line, to its right, per px of the row */
+    eight *shift;  /* px of the row from the place that the filter assumes to the line */
+    /* of each row */
+    eight *answers; /* of the filters, grey levels */
+    eight *offset;  /* of the filter of the offset (step.h) */
 } rows;
 
 /* Reserves rows for pictures of up to this size. 0 or ARRIS_E_MEMORY; rows_free in either case. */

@@ -73,17 +73,18 @@ static void make(step_filter *f, double s, int half, double shift) {
             f->w[j / 2][k][j % 2] = (int16_t)fmin(rint(STEP_UNIT * q[k][j]), INT16_MAX);
     }
     double gain = dot(q[STEP_OFFSET], wider[STEP_OFFSET]) / length[STEP_OFFSET];
-    f->gain = (float)((gain - 1) / log(1.01));
+    f->offset[STEP_RESPONSE] = f->response[STEP_OFFSET];
+    f->offset[STEP_GAIN] = (float)((gain - 1) / log(1.01));
     f->part[STEP_SUM] = (float)dot(v[STEP_MEAN], v[STEP_CONTRAST]);
     f->part[STEP_DOF] = (float)(2 * half - parts);
     if (parts <= STEP_SLOPE)
         return;
     double kink = dot(q[STEP_OFFSET], v[STEP_KINK]), slope = dot(q[STEP_OFFSET], v[STEP_SLOPE]);
-    f->by_kink = (float)kink, f->by_slope = (float)slope;
+    f->offset[STEP_BY_KINK] = (float)kink, f->offset[STEP_BY_SLOPE] = (float)slope;
     kink /= length[STEP_KINK];
-    f->kink = (float)kink;
-    f->slope = (float)((slope - kink * dot(q[STEP_KINK], v[STEP_SLOPE])) / length[STEP_SLOPE]);
-    f->unsure = sqrtf(1 + f->kink * f->kink + f->slope * f->slope) - 1;
+    slope = (slope - kink * dot(q[STEP_KINK], v[STEP_SLOPE])) / length[STEP_SLOPE];
+    f->offset[STEP_PER_KINK] = (float)kink, f->offset[STEP_PER_SLOPE] = (float)slope;
+    f->offset[STEP_UNSURE] = (float)(sqrt(1 + kink * kink + slope * slope) - 1);
     f->part[STEP_TILT] =
         (float)(length[STEP_CONTRAST] * dot(q[STEP_CONTRAST], v[STEP_SLOPE]) / length[STEP_SLOPE]);
     f->part[STEP_FLARE] =

@@ -30,6 +30,19 @@ enum { STEP_MEAN, STEP_CONTRAST, STEP_OFFSET, STEP_BLUR, STEP_KINK, STEP_SLOPE, 
  * blur, per its own answer. */
 enum { STEP_SUM, STEP_DOF, STEP_TILT, STEP_FLARE };
 
+/* Its response; by how much that grows, relatively, as blur does by a factor of e; what slopes add
+ * to the answer, per their own answers and per level per px; how much sigma grows, relatively, when
+ * that is taken out. */
+enum {
+    STEP_RESPONSE,
+    STEP_GAIN,
+    STEP_PER_KINK,
+    STEP_PER_SLOPE,
+    STEP_BY_KINK,
+    STEP_BY_SLOPE,
+    STEP_UNSURE
+};
+
 /* For one blur, half-width and phase. Pixel j is j - STEP_HALF + (phase + 0.5) / STEP_PHASES px
  * from the step; those outside of the half-width have weight 0. */
 typedef struct step_filter {
@@ -37,11 +50,8 @@ typedef struct step_filter {
     /* What the filters answer to one level, one level of contrast, per level of contrast one px
      * towards the dark and blur that grows by a factor of e, and slopes of one level per px. */
     eight response;
-    float gain;        /* by how much that to an offset grows, relatively, as blur does by e */
-    float kink, slope; /* what slopes add to the offset's answer, per their own answers */
-    float by_kink;     /* and per level per px */
-    float by_slope;    /* the same */
-    float unsure;      /* how much sigma grows, relatively, when that is taken out */
+    /* Of the offset's, by STEP_RESPONSE and so on. */
+    eight offset;
     /* What the row adds to sums, by STEP_SUM and so on. */
     four part;
 } step_filter;
