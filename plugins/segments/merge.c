@@ -7,9 +7,12 @@
 #include <math.h>
 #include <string.h>
 
+#include "lanes.h"
+
 enum { MAX_ROUNDS = 32, ROUND = 3 /* points at either end that a corner may have rounded */ };
 
-typedef double two __attribute__((vector_size(16)));
+/* The alignment is the same for all machines that a function is compiled for. */
+typedef double quad __attribute__((vector_size(32), aligned(16)));
 
 /* ---- pieces --------------------------------------------------------------------------------- */
 
@@ -41,19 +44,34 @@ static void chord(piece *p) {
     p->dy = length > 0 ? dy / length : 0;
 }
 
+/* Adds up x, y, gx, gy, the squares of the first two, and x y, of n points. */
+INLINE void add_up(piece *s, const arris_edge_point *p, uint32_t n) {
+    quad sum = {0}, squares = {0}, mixed = {0};
+    for (uint32_t i = 0; i < n; i++) {
+        four v;
+        memcpy(&v, &p[i], sizeof v);
+        quad w = __builtin_convertvector(v, quad);
+        sum += w, squares += w * w;
+        mixed += w * __builtin_shufflevector(w, w, 1, 0, 3, 2);
+    }
+    s->x = sum[0], s->y = sum[1], s->gx = sum[2], s->gy = sum[3];
+    s->xx = squares[0], s->yy = squares[1], s->xy = mixed[0];
+}
+
+static void add_up_portable(piece *s, const arris_edge_point *p, uint32_t n) {
+    add_up(s, p, n);
+}
+
+AVX2_PATH static void add_up_avx2(piece *s, const arris_edge_point *p, uint32_t n) {
+    add_up(s, p, n);
+}
+
 piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw) {
     const arris_edge_point *q = &p[n - 1];
     uint32_t skip = raw || n < 4 * ROUND ? 0 : ROUND;
     piece s = {.chain = chain, .points = n, .raw = raw, .n = n - 2 * skip};
     s.x1 = p->x, s.y1 = p->y, s.x2 = q->x, s.y2 = q->y;
-    two at = {0}, squares = {0}, gradient = {0};
-    for (uint32_t i = skip; i < n - skip; i++) {
-        two v = {p[i].x, p[i].y}, g = {p[i].gx, p[i].gy};
-        at += v, squares += v * v, gradient += g;
-        s.xy += v[0] * v[1];
-    }
-    s.x = at[0], s.y = at[1], s.xx = squares[0], s.yy = squares[1];
-    s.gx = gradient[0], s.gy = gradient[1];
+    (HAS_AVX2 ? add_up_avx2 : add_up_portable)(&s, p + skip, n - 2 * skip);
     (raw ? chord : fit)(&s);
     return s;
 }
