@@ -12,6 +12,9 @@
 
 #define DONE UINT32_MAX
 
+/* Edgels: on a line of the cache, how many are asked for ahead, and how many are near anyway. */
+enum { LINE = 4, AHEAD = 16384, NEARBY = 32768 };
+
 /* ---- the tables ----------------------------------------------------------------------------- */
 
 /* Pixels around an edgel, 3x3 or 5x5, are numbered column by column. */
@@ -248,10 +251,22 @@ static void walk(linker *l, const edgels *e, uint32_t i, bool closed, float high
     out->n += kept;
 }
 
+/* Asks for what chains from edgel i on will need: they leap from row to row, and where there is too
+ * much of it for the near caches, each leap would wait. */
+static void prepare(const linker *l, const edgels *e, uint32_t i, uint32_t *ready) {
+    uint32_t end = i + AHEAD < e->n ? i + AHEAD : e->n;
+    for (; *ready < end; *ready += LINE) {
+        __builtin_prefetch(&e->point[*ready]);
+        __builtin_prefetch(&l->to[*ready]);
+    }
+}
+
 void link_chains(linker *l, const edgels *e, float high, uint32_t min_length, arris_edges *out) {
-    uint32_t n = find_starts(l, e->n);
-    for (uint32_t i = 0; i < n; i++)
+    uint32_t n = find_starts(l, e->n), ready = e->n > NEARBY ? 0 : e->n;
+    for (uint32_t i = 0; i < n; i++) {
+        prepare(l, e, l->start[i], &ready);
         walk(l, e, l->start[i], false, high * high, min_length, out);
+    }
     for (uint32_t i = 0; i < e->n; i++)
         if (l->to[i].prev != DONE)
             walk(l, e, i, true, high * high, min_length, out);
