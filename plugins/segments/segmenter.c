@@ -101,7 +101,8 @@ static void add_chain(segmenter *s, const arris_edge_point *p, uint32_t n, uint3
     uint32_t corners = split_chain(p, n, s->p.tol, raw, s->corner);
     for (uint32_t k = 0; k + 1 < corners; k++) {
         uint32_t a = s->corner[k], b = s->corner[k + 1];
-        if (!raw && hypotf(p[b].x - p[a].x, p[b].y - p[a].y) < (float)SHORTEST)
+        float dx = p[b].x - p[a].x, dy = p[b].y - p[a].y;
+        if (!raw && dx * dx + dy * dy < (float)(SHORTEST * SHORTEST))
             continue;
         piece *q = &s->pieces[s->n];
         if (s->n == s->max_pieces) {
@@ -163,7 +164,7 @@ static bool look(const segmenter *s, const arris_edges *edges, const arris_image
 static void measure(segmenter *s, const piece *p, float noise, bool look, arris_segments *out) {
     double dx = p->x2 - p->x1, dy = p->y2 - p->y1, length = sqrt(dx * dx + dy * dy);
     arris_segment found;
-    if (!(length >= s->p.min_length))
+    if (!(length >= s->p.min_length) || follow_has(out, p->x1, p->y1, p->x2, p->y2))
         return;
     if (look) {
         refit_start start = {
@@ -194,9 +195,7 @@ void segmenter_run(segmenter *s, const arris_edges *edges, const arris_image *im
         follow(s->follower, s->guide, image, edges->camera, (double)edges->noise, s->p.min_length,
                s->refitter, out);
     refitter_set_lens(s->refitter, lens);
-    for (uint32_t i = 0; i < s->n; i++) {
-        const piece *p = &s->pieces[i];
-        if (!p->gone && !follow_has(out, p->x1, p->y1, p->x2, p->y2))
-            measure(s, p, edges->noise, seen, out);
-    }
+    for (uint32_t i = 0; i < s->n; i++)
+        if (!s->pieces[i].gone)
+            measure(s, &s->pieces[i], edges->noise, seen, out);
 }
