@@ -7,7 +7,7 @@
  * halves. The row functions are plain loops that compilers vectorise; they are inlined into one
  * pass for each instruction set, and give the same bits in all.
  */
-#include "gradient.h"
+#include "append.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -20,12 +20,9 @@
 enum {
     BITS = GRADIENT_BITS,
     VECTOR = 16,
-    BATCH = EDGELS_BATCH,
     CHUNK = 64, /* px that are skipped together when none of them reaches `low` */
     MARGIN = 2  /* px beyond the Gaussian that a point's neighbourhood needs */
 };
-
-typedef float four __attribute__((vector_size(16)));
 
 /* Rows are worked on in whole vectors; their buffers have room for that. */
 INLINE int whole(int n) {
@@ -139,84 +136,9 @@ AVX2_PATH static inline uint64_t mark_avx2(const int16_t *up, const int16_t *m, 
 }
 #endif
 
-/* ---- edgels --------------------------------------------------------------------------------- */
-
-/* Appends the pixels of the middle of three rows whose bits are set, from column x on, but those
- * whose gradient is below `low`. */
-INLINE void append(int16_t *const s[3], int16_t *const m[3], ptrdiff_t x, uint64_t bits,
-                   int32_t low, edgel_row *e) {
-    const int16_t *up = s[0] + x, *mid = s[1] + x, *down = s[2] + x, *here = m[1] + x;
-    const int16_t *before[] = {m[0] + x, here - 1}, *after[] = {m[2] + x, here + 1};
-    int32_t n = e->n;
-    for (; bits; bits &= bits - 1) {
-        ptrdiff_t i = __builtin_ctzll(bits);
-        int gx = mid[i + 1] - mid[i - 1], gy = down[i] - up[i], across = here[i] & 1;
-        e->x[n] = (int16_t)(x + i);
-        e->gx[n] = (int16_t)gx;
-        e->gy[n] = (int16_t)gy;
-        e->before[n] = before[across][i];
-        e->here[n] = here[i];
-        e->after[n] = after[across][i];
-        n += gx * gx + gy * gy >= low * low;
-    }
-    e->n = n;
-}
-
-/* A blurred step is steepest where a Gaussian through the gradients of three pixels along the main
- * axis has its maximum: at (u - v) / (u + v) / 2, where u and v are the logarithms of the middle
- * one over either other, ln(h / a) = 3 (h² - a²) / (h² + 4 h a + a²) to within 1 % up to h = 3 a.
- * Never more than half a pixel off. */
-INLINE float peak(float a, float h, float b) {
-    float u = (h * h - a * a) * (h * h + 4 * h * b + b * b);
-    float v = (h * h - b * b) * (h * h + 4 * h * a + a * a);
-    return 0.5f * (u - v) / (u + v + 1e-9f);
-}
-
-/* The points of BATCH edgels of a row, from the i-th on. (x, y) is added to each. */
-INLINE void points(const edgel_row *e, int32_t i, float unit, float x, float y,
-                   arris_edge_point *restrict out) {
-    float row[4][BATCH];
-    for (int k = 0; k < BATCH; k++) {
-        float d = peak(e->before[i + k], e->here[i + k], e->after[i + k]);
-        float across = (float)(e->here[i + k] & 1);
-        row[0][k] = e->x[i + k] + x + across * d;
-        row[1][k] = y + (1 - across) * d;
-        row[2][k] = e->gx[i + k] * unit;
-        row[3][k] = e->gy[i + k] * unit;
-    }
-    for (int k = 0; k < BATCH; k += 4) {
-        four r[4], to[4];
-        for (int c = 0; c < 4; c++)
-            memcpy(&r[c], row[c] + k, sizeof r[c]);
-        four a = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5);
-        four b = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5);
-        four c = __builtin_shufflevector(r[0], r[1], 2, 6, 3, 7);
-        four d = __builtin_shufflevector(r[2], r[3], 2, 6, 3, 7);
-        to[0] = __builtin_shufflevector(a, b, 0, 1, 4, 5);
-        to[1] = __builtin_shufflevector(a, b, 2, 3, 6, 7);
-        to[2] = __builtin_shufflevector(c, d, 0, 1, 4, 5);
-        to[3] = __builtin_shufflevector(c, d, 2, 3, 6, 7);
-        memcpy(out + k, to, sizeof to);
-    }
-}
-
-/* Appends the row's edgels to `e`, which has room for BATCH more. */
-INLINE void append_row(const edgel_row *row, float unit, float x, float y, edgels *e) {
-    for (int32_t i = 0; i < row->n; i += BATCH) {
-        edgel *item = e->item + e->n + i;
-        for (int k = 0; k < BATCH; k++) {
-            item[k].x = (uint16_t)row->x[i + k];
-            item[k].octant = (uint16_t)((row->here[i + k] & 1) << 2 | (row->gx[i + k] < 0) << 1 |
-                                        (row->gy[i + k] < 0));
-        }
-        points(row, i, unit, x, y, e->point + e->n + i);
-    }
-    e->n += (uint32_t)row->n;
-}
-
-/* Finds those of a row, the middle of three, in the columns x0 to x1 - 1. */
+/* Finds the edgels of a row, the middle of three, in the columns x0 to x1 - 1. */
 INLINE void find(gradient *g, int x0, int x1, int16_t low, uint32_t room, uint32_t *lost,
-                 marker *set) {
+                 marker *set, appender *take) {
     int16_t least = (int16_t)(low - 2);
     g->found.n = 0;
     for (int x = x0; x < x1; x += CHUNK) {
@@ -226,7 +148,7 @@ INLINE void find(gradient *g, int x0, int x1, int16_t low, uint32_t room, uint32
         if (x1 - x < CHUNK)
             bits &= (UINT64_C(1) << (x1 - x)) - 1;
         if (room - (uint32_t)g->found.n >= CHUNK)
-            append(g->s, g->m, x, bits, low, &g->found);
+            take(g, x, bits, low);
         else
             *lost += (uint32_t)__builtin_popcountll(bits);
     }
@@ -241,7 +163,7 @@ static void turn(int16_t **row, int n) {
 }
 
 INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, float dx, float dy,
-                 edgels *e, marker *set) {
+                 edgels *e, marker *set, appender *take) {
     int r = g->radius, w = im->width, h = im->height, edge = r + MARGIN;
     float unit = gradient_unit(shift);
     for (int y = 0; y < h; y++) {
@@ -256,7 +178,7 @@ INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, flo
         if (y >= 2 * r + 2)
             magnitude_row(g->s + 1, g->m[2], r + 1, w - r - 1);
         if (y >= 2 * r + 4) {
-            find(g, edge, w - edge, low, e->max - e->n, &e->lost, set);
+            find(g, edge, w - edge, low, e->max - e->n, &e->lost, set, take);
             append_row(&g->found, unit, dx, (float)(y - edge) + dy, e);
             e->row[y - edge + 1] = e->n;
         }
@@ -265,20 +187,20 @@ INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, flo
 
 SCALAR_PATH static void pass_scalar(gradient *g, const arris_image *im, int shift, int16_t low,
                                     float dx, float dy, edgels *e) {
-    pass(g, im, shift, low, dx, dy, e, mark);
+    pass(g, im, shift, low, dx, dy, e, mark, append);
 }
 
 static void pass_vector(gradient *g, const arris_image *im, int shift, int16_t low, float dx,
                         float dy, edgels *e) {
-    pass(g, im, shift, low, dx, dy, e, mark);
+    pass(g, im, shift, low, dx, dy, e, mark, append);
 }
 
 AVX2_PATH static void pass_avx2(gradient *g, const arris_image *im, int shift, int16_t low,
                                 float dx, float dy, edgels *e) {
 #if defined(__x86_64__)
-    pass(g, im, shift, low, dx, dy, e, mark_avx2);
+    pass(g, im, shift, low, dx, dy, e, mark_avx2, append_avx2);
 #else
-    pass(g, im, shift, low, dx, dy, e, mark);
+    pass(g, im, shift, low, dx, dy, e, mark, append);
 #endif
 }
 
@@ -309,6 +231,15 @@ static void set_taps(gradient *g, double sigma) {
         g->tap[k] = (uint16_t)fmin(round(65536 * t[k] / sum), UINT16_MAX);
 }
 
+static void set_squeeze(gradient *g) {
+    for (int set = 0; set < 256; set++)
+        for (int k = 0, n = 0; k < 8; k++)
+            if (set >> k & 1) {
+                g->squeeze[set][n++] = (uint8_t)(2 * k);
+                g->squeeze[set][n++] = (uint8_t)(2 * k + 1);
+            }
+}
+
 int gradient_init(gradient *g, int width, double sigma) {
     *g = (gradient){0};
     set_taps(g, sigma);
@@ -326,6 +257,7 @@ int gradient_init(gradient *g, int width, double sigma) {
     for (int i = 0; i < n; i++)
         g->column[i] = p + i;
     g->vertical = p;
+    set_squeeze(g);
     return 0;
 }
 

@@ -47,6 +47,8 @@ typedef struct gradient {
     int16_t *vertical;                                  /* a row smoothed in y only */
     const int16_t *column[2 * GRADIENT_MAX_RADIUS + 1]; /* the same from its i-th pixel on */
     edgel_row found;
+    /* For each set of eight pixels: where in them the bytes are of those that are in it. */
+    uint8_t squeeze[256][16];
     void *memory;
 } gradient;
 
