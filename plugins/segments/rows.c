@@ -15,7 +15,7 @@
 #define PULL 0.03     /* px by which a neighbour 3 px away moves an edge, about */
 #define PULL_FALL 2.2 /* px⁻¹ by which that falls */
 
-enum { PROBES = 4, BLOCK_LINES = 16, BLOCK_PIXELS = 32, AHEAD = 8 /* rows */ };
+enum { PROBES = 4, BLOCK_LINES = 16, BLOCK_PIXELS = 32 };
 
 int rows_init(rows *r, int width, int height) {
     size_t n =
@@ -127,7 +127,6 @@ INLINE void fetch(const rows *r, uint32_t i, int last, int base, int shift, bloc
         p = b->column[q->line - b->line] + (q->at - STEP_HALF - b->at);
     } else {
         p = im->data + q->line * im->stride + q->at - STEP_HALF;
-        __builtin_prefetch(im->data + q[AHEAD].line * im->stride + q[AHEAD].at);
     }
     bytes level;
     memcpy(&level, p, sizeof level);

@@ -192,6 +192,23 @@ INLINE void keep(rows *r, const eight_rows *e) {
     r->n += (uint32_t)n;
 }
 
+/* Asks for the pixels around the line, which are measured after all rows are placed. */
+INLINE void ask(const rows *r, const eight_rows *e) {
+    const arris_image *im = r->image;
+    ptrdiff_t size = (ptrdiff_t)im->format, first = e->before[0], last = e->before[LANES - 1];
+    if (!r->columns) {
+        for (int k = 0; k < LANES; k++)
+            __builtin_prefetch(im->data + e->line[k] * im->stride + e->before[k] * size);
+        return;
+    }
+    ptrdiff_t from = (first < last ? first : last) - STEP_HALF + 1;
+    ptrdiff_t to = (first < last ? last : first) + STEP_HALF;
+    from = from > 0 ? from : 0;
+    to = to < im->height ? to : im->height - 1;
+    for (ptrdiff_t y = from; y <= to; y++)
+        __builtin_prefetch(im->data + y * im->stride + e->line[0] * size);
+}
+
 /* Appends the rows of a stretch that have room. */
 INLINE void place(rows *r, const stretch *s) {
     int width = r->columns ? r->image->height : r->image->width;
@@ -202,6 +219,7 @@ INLINE void place(rows *r, const stretch *s) {
         eight_rows e;
         eight pull;
         follow_all(r, s, &u, &t, &across, i, width, &e);
+        ask(r, &e);
         fit_in(r, s, s->end - i, width, &e, &pull);
         pulls += (eight)((eight_ints)pull & e.kept);
         room += e.half & e.kept;
