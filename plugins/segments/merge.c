@@ -10,6 +10,7 @@
 #include "lanes.h"
 
 enum { MAX_ROUNDS = 32, ROUND = 3 /* points at either end that a corner may have rounded */ };
+enum { NONE = -1, SEVERAL = -2 };
 
 /* The alignment is the same for all machines that a function is compiled for. */
 typedef double quad __attribute__((vector_size(32), aligned(16)));
@@ -159,32 +160,43 @@ static int32_t *grid_head(const grid *g, uint32_t col, uint32_t row) {
     return &g->heads[(col * 0x9E3779B1u ^ row * 0x85EBCA77u) >> 16 & g->mask];
 }
 
-static void grid_fill(grid *g, piece *p, uint32_t n) {
+/* Whether the pairs that piece i begins may be others than in the round before: it was one of a
+ * pair, or what its end is near to has been joined. */
+static bool may_differ(const grid *g, const piece *p, uint32_t i, int round) {
+    int32_t near = g->nodes[i].near;
+    return round == 0 || p[i].best.first || near == SEVERAL || g->nodes[i].joined == round ||
+           (near >= 0 && g->nodes[near].joined == round);
+}
+
+static void grid_fill(grid *g, piece *p, uint32_t n, int round) {
     memset(g->heads, 0xFF, (g->mask + 1) * sizeof *g->heads); /* -1: none */
     for (uint32_t i = 0; i < n; i++) {
         const piece *q = &p[i];
         if (q->gone)
             continue;
-        p[i].best.cost = INFINITY;
-        p[i].best.first = p[i].best.second = NULL;
         int32_t *head = grid_head(g, grid_cell(g, q->x1), grid_cell(g, q->y1));
-        g->nodes[i] = (piece_node){(float)q->x1, (float)q->y1, (float)q->dx, (float)q->dy, *head};
+        piece_node *b = &g->nodes[i];
+        b->x = (float)q->x1, b->y = (float)q->y1, b->dx = (float)q->dx, b->dy = (float)q->dy;
+        b->next = *head;
+        b->search = may_differ(g, p, i, round);
         *head = (int32_t)i;
+        p[i].best = (piece_pair){.cost = INFINITY};
     }
 }
 
 /* Offers each pair that a begins, and whose second start is in a list, to both of its pieces. What
  * is far from the rule is left out in single precision. */
-static void find_in(const grid *g, int32_t head, piece *p, piece *a, const piece_rule *rule) {
+static void find_in(const grid *g, int32_t head, piece *p, piece *a, int32_t *near,
+                    const piece_rule *rule) {
     float x = (float)a->x2, y = (float)a->y2, dx = (float)a->dx, dy = (float)a->dy;
     float far = (float)(1.01 * rule->linkrad + 0.01), sine = (float)(1.01 * rule->sine + 1e-4);
     for (const piece_node *b; head >= 0; head = b->next) {
         b = &g->nodes[head];
-        if ((fabsf(b->x - x) > far) | (fabsf(b->y - y) > far) |
-            (fabsf(dx * b->dy - dy * b->dx) > sine))
+        if ((fabsf(b->x - x) > far) | (fabsf(b->y - y) > far) | (&p[head] == a))
             continue;
+        *near = *near == NONE || *near == head ? head : SEVERAL;
         piece_pair pair = {0, a, &p[head]};
-        if (pair.second == a || !continues(a, pair.second, rule, &pair.cost))
+        if (fabsf(dx * b->dy - dy * b->dx) > sine || !continues(a, pair.second, rule, &pair.cost))
             continue;
         offer(a, &pair);
         offer(pair.second, &pair);
@@ -196,19 +208,22 @@ static void find_pairs(const grid *g, piece *p, piece *a, const piece_rule *rule
              right = grid_cell(g, a->x2 + rule->linkrad);
     uint32_t top = grid_cell(g, a->y2 - rule->linkrad),
              bottom = grid_cell(g, a->y2 + rule->linkrad);
+    int32_t *near = &g->nodes[a - p].near;
+    *near = NONE;
     for (uint32_t col = left; col <= right; col++)
         for (uint32_t row = top; row <= bottom; row++)
-            find_in(g, *grid_head(g, col, row), p, a, rule);
+            find_in(g, *grid_head(g, col, row), p, a, near, rule);
 }
 
 /* Joins the pairs that are the best of both their pieces. */
-static bool join_best(piece *p, uint32_t n) {
+static bool join_best(const grid *g, piece *p, uint32_t n, int round) {
     bool any = false;
     for (uint32_t i = 0; i < n; i++) {
         piece *b = p[i].best.second;
         if (p[i].gone || p[i].best.first != &p[i] || b->best.first != &p[i] || b->best.second != b)
             continue;
         p[i] = join(&p[i], b);
+        g->nodes[i].joined = round + 1;
         b->gone = any = true;
     }
     return any;
@@ -219,11 +234,13 @@ void piece_merge(piece *p, uint32_t n, const piece_rule *rule, int32_t *heads, p
     while (g.mask + 1 < PIECE_HEADS && g.mask < n)
         g.mask = 2 * g.mask + 1;
     bool more = true;
+    for (uint32_t i = 0; i < n; i++)
+        nodes[i].joined = 0;
     for (int round = 0; more && round < MAX_ROUNDS; round++) {
-        grid_fill(&g, p, n);
+        grid_fill(&g, p, n, round);
         for (uint32_t i = 0; i < n; i++)
-            if (!p[i].gone)
+            if (!p[i].gone && nodes[i].search)
                 find_pairs(&g, p, &p[i], rule);
-        more = join_best(p, n);
+        more = join_best(&g, p, n, round);
     }
 }

@@ -41,10 +41,13 @@ typedef struct piece_rule {
     double tol;     /* px, of all four ends from the line of the joined piece; may be INFINITY */
 } piece_rule;
 
-/* Where a piece starts, in a list of those nearby. */
+/* Where a piece starts, in a list of those nearby; and what was found at its end. */
 typedef struct piece_node {
     float x, y, dx, dy;
     int32_t next;
+    int32_t near;   /* the piece that starts there; negative: none, or several */
+    int32_t joined; /* the round after which it was made, from 1 on */
+    bool search;    /* what continues it is to be looked for in this round */
 } piece_node;
 
 enum { PIECE_HEADS = 4096 };
