@@ -103,6 +103,10 @@ bool line_explains(const line *a, const line *b, const scene *s) {
     if (moved < FAR * a->depth || swing * a->depth > SLANT * moved)
         return false;
     double may_miss = (1 - SHARE) * b->n_kept;
+    uint32_t last = b->n_kept - 1; /* mostly three views tell that it does not */
+    if (!stands_on(a, &b->kept[last], pixel, s) && !stands_on(a, &b->kept[last / 2], pixel, s) &&
+        !stands_on(a, &b->kept[0], pixel, s))
+        return false;
     for (uint32_t i = 0; i < b->n_kept && missed <= may_miss; i++)
         missed += !stands_on(a, &b->kept[i], pixel, s);
     return missed <= may_miss;
