@@ -20,7 +20,7 @@
 
 static const arris_camera camera = {320, 240, 380, 378, 0.5, 158.5, 121, 0, 0, 0, 0, 0};
 static const double picture[4] = {0, 0, 319, 239};
-static const scene known = {{0, 0, false}, 1, 1, 1000};
+static const scene known = {.scale = 1, .memory = 1, .depth = 1000};
 
 typedef struct edge {
     double p[3], q[3];
@@ -642,7 +642,7 @@ static void fit_views(line *l, const edge *e, double sigma, int first, int last)
 /* Edges that meet are two, however uncertain one of them is after a few views. */
 static void meeting_edges_are_two(void **state) {
     (void)state;
-    const scene rough = {{0, 0, false}, 1, 4, 1000};
+    const scene rough = {.scale = 1, .memory = 4, .depth = 1000};
     line a, again, b;
     for (seed = 15; seed < 25; seed++) {
         fit_views(&a, &upright, 0.1, 0, 40);

@@ -17,6 +17,7 @@ void line_groups(const line *l, const scene *s, info group[LINE_KEPT]) {
     linear r;
     for (uint32_t i = 0; i < l->n_kept; i++) {
         group[i] = l->rest[i];
+        info_weigh(&group[i], line_rest_weight(l, s));
         if (l->inlier[i] && view_linearise(&l->kept[i], &l->f, l->x, &s->noise, &r))
             info_add(&group[i], &r, l->x);
     }

@@ -7,6 +7,7 @@
 #define ENTRIES_H
 
 #include "noise.h"
+#include "path.h"
 #include "scan.h"
 #include "shift.h"
 
@@ -38,10 +39,12 @@ struct scan {
     scene scene;
     noise noise;
     shifts *shifts;           /* for the end */
+    path *path;               /* as well */
     entry *pool, **alive;     /* n in the order they came, then the free ones */
     uint32_t n, frames, lost; /* lost: in the last frame */
     uint32_t linked, refused; /* tracks of this frame; those that found no room */
     int32_t newest;           /* the highest track that ever was */
+    bool any_measured;        /* of the lines */
     bool all_linked;          /* `before` has the lines without a track, too */
     link *now, *before;       /* hashed by track: of this frame and of the one before */
     uint32_t mask;
@@ -53,6 +56,9 @@ struct scan {
 /* Makes *e a line that nothing is told of yet; its views are not touched. */
 void entry_prepare(const scan *s, entry *e, int32_t id);
 
+/* Whether what the line says counts for what all share: it is measured, or no line is. */
+bool entry_counts(const scan *s, const entry *e);
+
 /* The line is gone with the next frame. */
 void entry_leave(entry *e, enum arris_line_change why, int32_t into);
 
@@ -60,7 +66,8 @@ void entry_leave(entry *e, enum arris_line_change why, int32_t into);
 void unite_merge(scan *s);
 
 /* For the end: corrects the poses by what the lines say, splits the lines that contradict
- * themselves then, and merges those that are the same. Leaves the noise `corrected`. */
+ * themselves then, and merges those that are the same. Leaves the noise `corrected`, unless it is
+ * none. */
 void unite_finish(scan *s);
 
 #endif

@@ -25,6 +25,7 @@ void info_add(info *in, const linear *l, const double x[4]) {
         *(four *)(void *)in->H.m[i] += l->J[0][i] * A + l->J[1][i] * B;
     in->c += w0 * y[0] * y[0] + 2 * w1 * y[0] * y[1] + w2 * y[1] * y[1];
     in->misfit += l->misfit;
+    in->weight++;
     in->n++;
 }
 
@@ -37,7 +38,18 @@ void info_sum(info *a, const info *b) {
     a->c += b->c;
     a->squares += b->squares;
     a->misfit += b->misfit;
+    a->weight += b->weight;
     a->n += b->n;
+}
+
+void info_weigh(info *in, double weight) {
+    for (int i = 0; i < 4; i++) {
+        for (int j = 0; j < 4; j++)
+            in->H.m[i][j] *= weight;
+        in->g[i] *= weight;
+    }
+    in->c *= weight;
+    in->weight *= weight;
 }
 
 void info_slope(const info *in, const double x[4], double slope[4]) {

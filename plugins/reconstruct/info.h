@@ -13,6 +13,7 @@ typedef struct info {
     double g[4], c;
     double squares; /* of the distances at the segments' ends, px² */
     double misfit;  /* the sum of the views' shares */
+    double weight;  /* of the views; their number unless weighed */
     uint32_t n;     /* views */
 } info;
 
@@ -21,6 +22,9 @@ void info_add(info *in, const linear *l, const double x[4]);
 
 /* Adds b to a. */
 void info_sum(info *a, const info *b);
+
+/* As if every view stood for `weight` views. */
+void info_weigh(info *in, double weight);
 
 /* Half the slope of chi-square at x: g - H x. */
 void info_slope(const info *in, const double x[4], double slope[4]);

@@ -18,6 +18,7 @@ static const double PARALLAX = 0.1; /* nor with a sigma above this share of its 
 static const double PRIOR_DOF = 10; /* weight of the scene's scale against the line's own */
 static const double SURROUNDINGS = 0.12; /* rad that the view turns until they look otherwise */
 static const double INDEPENDENT = 2.3;   /* values of what is systematic, at most */
+static const double EVIDENT = 1.5; /* times the usual, of a drift that is no chance: 1 in 15 is */
 enum { ITERATIONS = 10 };
 
 void line_begin(line *l, int32_t id) {
@@ -33,10 +34,10 @@ double line_chi2(const line *l) {
     return info_chi2(&l->all, l->x);
 }
 
-/* Sets l->scale from the residuals; the scene's own counts as a few views. */
-static void update_scale(line *l, const scene *s) {
-    double dof = fmax(2.0 * l->all.n - 4, 0);
-    l->scale = fmax((line_chi2(l) + PRIOR_DOF * s->scale) / (dof + PRIOR_DOF), 1);
+/* The variance of the residuals over the stated one; the scene's own counts as a few views. */
+static double residual_scale(const line *l, const scene *s) {
+    double dof = fmax(2 * l->all.weight - 4, 0);
+    return (line_chi2(l) + PRIOR_DOF * s->scale) / (dof + PRIOR_DOF);
 }
 
 /* The inverse of H / scale + 1 / prior². */
@@ -53,6 +54,21 @@ static mat4 covariance(const line *l, double scale, double prior) {
     return P;
 }
 
+double line_rest_weight(const line *l, const scene *s) {
+    double n[3] = {l->kept[0].plane[0], l->kept[0].plane[1], l->kept[0].plane[2]}, across = 0;
+    if (s->rest <= 0)
+        return 1;
+    arris_unit(n);
+    for (int i = 0; i < 3; i++)
+        across += n[i] * arris_dot(s->S + 3 * i, n);
+    return s->rest * s->noise.position * s->noise.position / across;
+}
+
+/* How many views count as one; each, once their poses are corrected. */
+static double memory(const scene *s) {
+    return s->rest > 0 ? 1 : s->memory;
+}
+
 /* The variance of the estimate over the stated one: by the size of the residuals and how they hang
  * together, and since what the profile leaves unexplained is systematic: it stays the same until
  * the edge's surroundings look otherwise, so it is but few independent values in any number of
@@ -60,12 +76,16 @@ static mat4 covariance(const line *l, double scale, double prior) {
 static double excess(const line *l, const scene *s) {
     double turn = (l->swing[1] - l->swing[0]) / SURROUNDINGS;
     double values = fmin(fmax(turn, 1), INDEPENDENT);
-    double systematic = fmax(l->all.misfit, 0) / values, blend = l->blend * l->all.n / values;
-    return fmax(l->scale * (s->memory + systematic) + blend, l->drift);
+    double blend = l->blend * l->all.n / values;
+    double usual = residual_scale(l, s) * (memory(s) + fmax(l->all.misfit, 0) / values) + blend;
+    return l->drift > EVIDENT * usual ? l->drift : usual;
 }
 
 mat4 line_covariance(const line *l, const scene *s, double prior, const double place[2]) {
     mat4 P = covariance(l, excess(l, s), prior), out = {{{0}}};
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            P.m[i][j] += l->common.m[i][j];
     double w[2][2] = {{(1 - place[0]) / 2, (1 + place[0]) / 2},
                       {(1 - place[1]) / 2, (1 + place[1]) / 2}};
     for (int i = 0; i < 4; i++)
@@ -86,7 +106,7 @@ static double step(line *l, const scene *s) {
     mat4_times(&l->cov, rest, d);
     for (int i = 0; i < 4; i++)
         l->x[i] += d[i];
-    update_scale(l, s);
+    l->scale = fmax(residual_scale(l, s), 1);
     return mat4_form(&l->all.H, d, d);
 }
 
@@ -156,17 +176,18 @@ static bool agrees(const line *l, linear *r, const mat4 *P) {
     return r->distance < GATE * l->scale && fabs(r->r[0]) < FAR && fabs(r->r[1]) < FAR;
 }
 
-static info past(const line *l) {
+info line_past(const line *l, const scene *s) {
     info sum = {0};
     for (uint32_t i = 0; i < l->n_kept; i++)
         info_sum(&sum, &l->rest[i]);
+    info_weigh(&sum, line_rest_weight(l, s));
     return sum;
 }
 
 /* Sums past and kept views, linearised about l->x. */
 static void gather(line *l, const scene *s) {
     linear r;
-    l->all = past(l);
+    l->all = line_past(l, s);
     for (uint32_t i = 0; i < l->n_kept; i++) {
         l->inlier[i] =
             view_linearise(&l->kept[i], &l->f, l->x, &s->noise, &r) && agrees(l, &r, NULL);
@@ -180,7 +201,7 @@ static void gather(line *l, const scene *s) {
 
 void line_refine(line *l, const scene *s) {
     double moved = 1;
-    uint32_t n_past = past(l).n;
+    uint32_t n_past = line_past(l, s).n;
     if (n_past == 0)
         line_reframe(l);
     for (int i = 0; i < ITERATIONS && moved > STANDS; i++) {
@@ -197,13 +218,13 @@ static void survey(line *l, const scene *s) {
     mat4 C;
     line_trim(l);
     line_groups(l, s, group);
-    l->drift = line_disagreement(group, l->n_kept, l->scale * s->memory, &C);
+    l->drift = line_disagreement(group, l->n_kept, l->scale * memory(s), &C);
     l->next_survey = l->seen + 1 + l->seen / 8;
 }
 
 void line_weigh(line *l, const scene *s) {
     gather(l, s);
-    update_scale(l, s);
+    l->scale = fmax(residual_scale(l, s), 1);
     survey(l, s);
 }
 
@@ -218,7 +239,7 @@ void line_forget(line *l, uint32_t from, uint32_t to) {
 
 void line_resume(line *l, const scene *s, const double x[4]) {
     l->rejected = 0;
-    if (l->n_kept == 0 || !x || past(l).n == 0) {
+    if (l->n_kept == 0 || !x || line_past(l, s).n == 0) {
         line_fit(l, s);
         return;
     }

@@ -22,6 +22,9 @@ typedef struct scene {
     pose_noise noise; /* of the poses */
     double scale;     /* variance of the residuals over the stated one; 1: as stated */
     double memory;    /* views that count as one, because their noise is correlated; at least 1 */
+    double rest;      /* what a view counts that is not kept, once the poses are well corrected:
+                       * its own is not, and that is in other lines' views, too; 0: they are not */
+    double S[9];      /* the covariance of the positions then, mm² */
     double depth;     /* mm; where a line is looked for as long as nothing is known of its own */
 } scene;
 
@@ -42,6 +45,7 @@ typedef struct line {
     info all;     /* of all views that take part */
     double at[4]; /* the estimate that the kept views were linearised about */
     mat4 cov;     /* of x, by the stated variances */
+    mat4 common;  /* of x, by what is common to the lines; at the end of the scan */
 
     uint32_t seen, rejected;        /* views offered; views that failed the gate since it settled */
     uint32_t next_fit, next_survey; /* when `seen` is this */
@@ -73,6 +77,12 @@ void line_refine(line *l, const scene *s);
 
 /* Weighs the views anew by the scene's noise, where the estimate is. */
 void line_weigh(line *l, const scene *s);
+
+/* The sum of the views that are not kept, weighed. */
+info line_past(const line *l, const scene *s);
+
+/* What a view that is not kept counts. */
+double line_rest_weight(const line *l, const scene *s);
 
 /* What every kept view says with the rest up to the next. */
 void line_groups(const line *l, const scene *s, info group[LINE_KEPT]);

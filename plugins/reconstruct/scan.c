@@ -23,7 +23,10 @@ scan *scan_new(const scan_params *p) {
         places *= 2;
     s->p = *p;
     s->mask = (uint32_t)places - 1;
-    s->scene = (scene){{p->pose_sigma, p->rot_sigma, false}, 1, 1, TYPICAL_DEPTH};
+    s->scene = (scene){.noise = {p->pose_sigma, p->rot_sigma, false},
+                       .scale = 1,
+                       .memory = 1,
+                       .depth = TYPICAL_DEPTH};
     s->weighted = p->pose_sigma;
     s->newest = -1;
     s->pool = calloc(n, sizeof *s->pool);
@@ -31,7 +34,8 @@ scan *scan_new(const scan_params *p) {
     s->now = calloc(places, sizeof(link));
     s->before = calloc(places, sizeof(link));
     s->shifts = shifts_new(SHIFTS);
-    if (!s->shifts || !s->pool || !s->alive || !s->now || !s->before) {
+    s->path = path_new();
+    if (!s->shifts || !s->path || !s->pool || !s->alive || !s->now || !s->before) {
         scan_free(s);
         return NULL;
     }
@@ -48,6 +52,7 @@ void scan_free(scan *s) {
     free(s->now);
     free(s->before);
     shifts_free(s->shifts);
+    path_free(s->path);
     free(s);
 }
 
@@ -127,6 +132,10 @@ void scan_add(scan *s, int32_t track, view *v) {
     e->changed = true;
 }
 
+bool entry_counts(const scan *s, const entry *e) {
+    return e->l.settled && (!s->any_measured || e->out.state == ARRIS_MEASURED);
+}
+
 void entry_leave(entry *e, enum arris_line_change why, int32_t into) {
     e->leaving = true;
     e->out.change = why;
@@ -176,13 +185,12 @@ static void tell(scan *s, entry *e) {
 /* The scene's scale is the lines' geometric mean, in which a wrong line weighs little. */
 static void update_typical(scan *s) {
     double depth = 0, scale = 0, n = 0;
-    bool any = false;
+    s->any_measured = false;
     for (uint32_t i = 0; i < s->n; i++)
-        any |= s->alive[i]->out.state == ARRIS_MEASURED && s->alive[i]->listed;
+        s->any_measured |= s->alive[i]->out.state == ARRIS_MEASURED && s->alive[i]->listed;
     for (uint32_t i = 0; i < s->n; i++) {
         const line *l = &s->alive[i]->l;
-        if (!l->settled || l->all.n <= ESTABLISHED ||
-            (any && s->alive[i]->out.state != ARRIS_MEASURED))
+        if (!entry_counts(s, s->alive[i]) || l->all.n <= ESTABLISHED)
             continue;
         depth += log(l->depth);
         scale += log(line_chi2(l) / (2.0 * l->all.n - 4) + 1e-3);
@@ -295,13 +303,14 @@ void scan_finish(scan *s) {
     for (uint32_t i = 0; i < s->n; i++)
         line_complete(&s->alive[i]->l, &s->scene);
     unite_finish(s);
-    s->scene.noise.corrected = false;
     for (uint32_t i = 0; i < s->n; i++) {
         entry *e = s->alive[i];
         if (e->leaving)
             continue;
         if (e->l.settled)
             line_weigh(&e->l, &s->scene);
+        if (e->l.settled && s->scene.noise.corrected)
+            e->l.common = path_covariance(s->path, &e->l, &s->scene);
         tell(s, e);
     }
 }

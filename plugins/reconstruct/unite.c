@@ -7,10 +7,12 @@
 
 #include "entries.h"
 
-enum { SPLIT = 1 << 30 };        /* the first id of a line that began by a split */
-enum { ROUNDS = 16 };            /* of splitting at the end, at most */
-static const double SUDDEN = 40; /* chi-square over the noise's by which views contradict */
-static const double WORST = 0.9; /* of the most */
+enum { SPLIT = 1 << 30 };          /* the first id of a line that began by a split */
+enum { ROUNDS = 16 };              /* of splitting at the end, at most */
+enum { CORRECTIONS = 3 };          /* of the poses, in the first */
+static const double SUDDEN = 40;   /* chi-square over the noise's by which views contradict */
+static const double WORST = 0.9;   /* of the most */
+static const double EXPLAINED = 2; /* the variance of what is left over the expected one */
 
 /* ---- merging -------------------------------------------------------------------------------- */
 
@@ -116,30 +118,91 @@ static bool split_worst(scan *s) {
     return most > SUDDEN;
 }
 
-/* Corrects the poses by what the lines say, and the lines by them. */
-static void correct(scan *s) {
-    shifts_begin(s->shifts, s->frames, &s->scene);
-    for (uint32_t i = 0; i < s->n; i++)
-        if (s->alive[i]->l.settled)
-            shifts_add(s->shifts, &s->alive[i]->l, &s->scene);
-    for (uint32_t i = 0; i < s->n; i++) {
-        line *l = &s->alive[i]->l;
-        shifts_set(s->shifts, l, &s->scene, l->settled);
-    }
-    s->scene.noise.corrected = true;
+static void refine_settled(scan *s) {
     for (uint32_t i = 0; i < s->n; i++)
         if (s->alive[i]->l.settled)
             line_refine(&s->alive[i]->l, &s->scene);
 }
 
+/* What changes from frame to frame. */
+static void correct_frames(scan *s) {
+    shifts_begin(s->shifts, s->frames, s->scene.S);
+    for (uint32_t i = 0; i < s->n; i++)
+        if (entry_counts(s, s->alive[i]))
+            shifts_add(s->shifts, &s->alive[i]->l, &s->scene);
+    for (uint32_t i = 0; i < s->n; i++)
+        shifts_set(s->shifts, &s->alive[i]->l, &s->scene, entry_counts(s, s->alive[i]));
+    s->scene.noise.corrected = true;
+    refine_settled(s);
+}
+
+/* Whether shifts explain what the lines see; else it is the rotations that are wrong. */
+static bool shifts_explain(const scan *s) {
+    double sum = 0, n = 0;
+    for (uint32_t i = 0; i < s->n; i++) {
+        const line *l = &s->alive[i]->l;
+        if (entry_counts(s, s->alive[i]) && l->all.weight > 2)
+            sum += log(line_chi2(l) / (2 * l->all.weight - 4) + 1e-3), n++;
+    }
+    return sum < log(EXPLAINED) * n;
+}
+
+/* What changes slowly, and how large the noise is. */
+static void correct_path(scan *s) {
+    double *S = s->scene.S, most = 3 * s->scene.noise.position * s->scene.noise.position;
+    shifts_spread(s->shifts, S);
+    double scale = fmin(1, most / (S[0] + S[4] + S[8]));
+    for (int i = 0; i < 9; i++)
+        S[i] *= scale;
+    s->scene.rest = 1 / (s->scene.memory * shifts_lines(s->shifts));
+    refine_settled(s);
+    path_begin(s->path, s->shifts, s->frames, &s->scene);
+    for (uint32_t i = 0; i < s->n; i++)
+        if (entry_counts(s, s->alive[i]))
+            path_add(s->path, &s->alive[i]->l, &s->scene);
+    if (!path_solve(s->path))
+        return;
+    for (uint32_t i = 0; i < s->n; i++)
+        path_shift(s->path, &s->alive[i]->l);
+    refine_settled(s);
+}
+
+/* Whether the positions' noise is worth correcting, which the kept views alone can be. It is taken
+ * for the same in all directions at first. */
+static bool worth_it(scan *s) {
+    double variance = s->scene.noise.position * s->scene.noise.position, by_pose = 0, own = 0;
+    for (int i = 0; i < 9; i++)
+        s->scene.S[i] = i % 4 ? 0 : variance;
+    for (uint32_t i = 0; i < s->n; i++) {
+        const line *l = &s->alive[i]->l;
+        if (!entry_counts(s, s->alive[i]))
+            continue;
+        double px = line_pose_px(l, &s->scene);
+        by_pose += px * px;
+        own += l->stride * l->kept[0].cov[0];
+    }
+    return by_pose > own;
+}
+
+/* Corrects the poses by what the lines say, and the lines by them. */
+static void correct(scan *s, int times, bool *slow) {
+    for (int i = 0; i < times; i++) {
+        correct_frames(s);
+        *slow &= shifts_explain(s);
+        if (*slow)
+            correct_path(s);
+        else
+            s->scene.rest = 0;
+    }
+}
+
 void unite_finish(scan *s) {
-    double memory = s->scene.memory; /* of the poses: corrected, they have none */
-    s->scene.memory = 1;
+    bool corrects = worth_it(s), slow = corrects;
     for (int i = 0; i < ROUNDS; i++) {
-        correct(s);
+        correct(s, !corrects ? 0 : i == 0 ? CORRECTIONS : 1, &slow);
         if (!split_worst(s))
             break;
     }
-    s->scene.memory = memory;
     unite_merge(s);
+    s->scene.noise.corrected = slow;
 }
