@@ -17,7 +17,8 @@ static const double RESOLVED = 2;     /* px: edges that are farther apart do not
 static const double SHARE = 0.5;      /* of the distance between them, by which they do, at most */
 static const double LEFT = 0.35; /* of what moved a line in views that are dropped, in others */
 static const double REACH = 3;   /* px: what is farther off is of something else */
-static const double WORTH = 0.7; /* dropping views must bring the variance to this share */
+static const double WORTH = 0.7; /* dropping views must bring the square error to this share */
+static const double CLEAR = 2;   /* and they be this much worse, in variance */
 enum { LEAST = 4, STEP = 2 };    /* kept views of a run; steps of its search */
 
 /* ---- which run ------------------------------------------------------------------------------ */
@@ -209,6 +210,34 @@ bool line_split(line *l, line *other, const scene *s) {
     return true;
 }
 
+/* The variance of an estimate, mm²; also by the poses as they are reported, which fewer views
+ * average less. */
+static double cost(const line *l, const scene *s) {
+    scene reported = *s;
+    reported.noise.corrected = false;
+    return uncertainty(l, s) + s->memory * uncertainty(l, &reported);
+}
+
+/* The square of how far apart two lines are at the worse end of a, mm². */
+static double apart(const line *a, const line *b) {
+    double worst = 0, P[3], Q[2][3], u[3];
+    for (int end = 0; end < 2; end++)
+        frame_point(&b->f, b->x, 2 * end - 1, Q[end]);
+    for (int i = 0; i < 3; i++)
+        u[i] = Q[1][i] - Q[0][i];
+    arris_unit(u);
+    for (int end = 0; end < 2; end++) {
+        frame_point(&a->f, a->x, 2 * end - 1, P);
+        for (int i = 0; i < 3; i++)
+            P[i] -= Q[0][i];
+        double along = arris_dot(P, u);
+        worst = fmax(worst, arris_dot(P, P) - along * along);
+    }
+    return worst;
+}
+
+/* The whole is off by what lies between it and the rest, beyond what chance explains. Of two that
+ * are about as certain one cannot tell which is wrong. */
 void line_prune(line *l, const scene *s) {
     sums u;
     line best, other;
@@ -217,10 +246,8 @@ void line_prune(line *l, const scene *s) {
     if (r.from == r.to)
         return;
     part(l, s, &u, &r, &best, &other);
-    scene reported = *s; /* the poses: fewer views average them less */
-    reported.noise.corrected = false;
-    if (uncertainty(&best, s) + uncertainty(&best, &reported) >=
-        WORTH * (uncertainty(l, s) + uncertainty(l, &reported)))
+    double dropped = cost(&best, s), off_by = apart(&best, l) - dropped;
+    if (dropped >= WORTH * cost(l, s) + fmax(off_by, 0) || cost(&other, s) < CLEAR * dropped)
         return;
     double variances;
     off(&best, &other, s, &variances);
