@@ -2,7 +2,8 @@
  *
  * compare.c: the stage `compare`: the measured lines against the nominal edges of a part, judged by
  * ISO 14253-1. nominal.h reads the edges, align.h lays them on the lines, match.h finds which line
- * measured which, judge.h and derive.h conclude, sight.h tells what the path could see.
+ * measured which, judge.h and derive.h conclude, mark.h doubts, sight.h tells what the path could
+ * see.
  */
 #include <fnmatch.h>
 #include <math.h>
@@ -17,6 +18,7 @@
 #include "calibration.h"
 #include "derive.h"
 #include "judge.h"
+#include "mark.h"
 #include "sight.h"
 
 enum { ALIGN_NONE, ALIGN_DATUM, ALIGN_BEST_FIT };
@@ -214,46 +216,6 @@ static bool lay(struct compare *c, const arris_lines *lines) {
     return true;
 }
 
-/* Whether a point lies on a face of the part, to within `off` mm. */
-static bool on_face(const struct compare *c, const double X[3], double off) {
-    const nominal *m = &c->nominal;
-    for (uint32_t t = 0; t < m->n_triangles; t++) {
-        double v[3][3], n[3], d[3], w[3], a[3];
-        bool inside = true;
-        for (int k = 0; k < 3; k++)
-            place_point(&c->where, m->vertex[m->triangle[t][k]], v[k]);
-        for (int k = 0; k < 3; k++) {
-            d[k] = v[1][k] - v[0][k];
-            w[k] = v[2][k] - v[0][k];
-        }
-        arris_cross(d, w, n);
-        if (!(arris_unit(n) > 0))
-            continue;
-        for (int i = 0; i < 3 && inside; i++) {
-            for (int k = 0; k < 3; k++) {
-                d[k] = v[(i + 1) % 3][k] - v[i][k];
-                w[k] = X[k] - v[i][k];
-            }
-            arris_cross(d, w, a);
-            inside = fabs(arris_dot(w, n)) < off && arris_dot(a, n) > 0;
-        }
-        if (inside)
-            return true;
-    }
-    return false;
-}
-
-/* A line on a face may be paint, a decal or a scratch there as well as the edge: it fails nothing.
- */
-static bool may_be_mark(const struct compare *c, const arris_feature *f) {
-    double off = f->tolerance + f->U, X[3], Y[3];
-    for (int k = 0; k < 3; k++) { /* away from the ends, which lie on a face's border */
-        X[k] = 0.9 * f->at[0][k] + 0.1 * f->at[1][k];
-        Y[k] = 0.1 * f->at[0][k] + 0.9 * f->at[1][k];
-    }
-    return on_face(c, X, off) && on_face(c, Y, off);
-}
-
 static const char *why_not(const struct compare *c, const arris_feature *f, const piece *e,
                            bool aligned, bool unseen) {
     return !aligned ? "the model could not be aligned"
@@ -311,7 +273,7 @@ static void judge_edge(const struct compare *c, arris_verdict *v, uint32_t i, bo
         judge_piece(&e, c->coverage, f->tolerance, f);
         f->line = lines->item[e.line].id;
         f->straightness = straightness(c, &lines->item[e.line]);
-        marked = f->verdict == ARRIS_FAIL && may_be_mark(c, f);
+        marked = f->verdict == ARRIS_FAIL && mark_possible(&c->nominal, &c->where, f);
         if (marked)
             f->verdict = ARRIS_INDETERMINATE;
         if (f->verdict == ARRIS_PASS && 2 * (e.to - e.from) < e.length)
