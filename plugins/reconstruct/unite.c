@@ -12,7 +12,7 @@ enum { ROUNDS = 16 };              /* of splitting at the end, at most */
 enum { CORRECTIONS = 3 };          /* of the poses, in the first */
 static const double SUDDEN = 40;   /* chi-square over the noise's by which views contradict */
 static const double WORST = 0.9;   /* of the most */
-static const double EXPLAINED = 2; /* the variance of what is left over the expected one */
+static const double EXPLAINED = 1; /* the variance of what is left over the expected one */
 
 /* ---- merging -------------------------------------------------------------------------------- */
 
@@ -136,7 +136,7 @@ static void correct_frames(scan *s) {
     refine_settled(s);
 }
 
-/* Whether shifts explain what the lines see; else it is the rotations that are wrong. */
+/* Whether shifts explain what the lines see; else the rotations are wrong as well. */
 static bool shifts_explain(const scan *s) {
     double sum = 0, n = 0;
     for (uint32_t i = 0; i < s->n; i++) {
@@ -184,25 +184,29 @@ static bool worth_it(scan *s) {
     return by_pose > own;
 }
 
-/* Corrects the poses by what the lines say, and the lines by them. */
-static void correct(scan *s, int times, bool *slow) {
+/* Corrects the poses by what the lines say, and the lines by them. True when that was all. */
+static bool correct(scan *s, int times) {
     for (int i = 0; i < times; i++) {
         correct_frames(s);
-        *slow &= shifts_explain(s);
-        if (*slow)
-            correct_path(s);
-        else
-            s->scene.rest = 0;
+        if (!shifts_explain(s))
+            return false;
+        correct_path(s);
     }
+    return true;
 }
 
 void unite_finish(scan *s) {
-    bool corrects = worth_it(s), slow = corrects;
+    bool corrects = worth_it(s), well = corrects;
     for (int i = 0; i < ROUNDS; i++) {
-        correct(s, !corrects ? 0 : i == 0 ? CORRECTIONS : 1, &slow);
+        if (well && !correct(s, i == 0 ? CORRECTIONS : 1)) {
+            s->scene.rest = 0;
+            well = false;
+        } else if (corrects && !well) {
+            correct_frames(s);
+        }
         if (!split_worst(s))
             break;
     }
     unite_merge(s);
-    s->scene.noise.corrected = slow;
+    s->scene.noise.corrected = well;
 }
