@@ -922,7 +922,7 @@ static void pose_noise_is_estimated(void **state) {
     assert_true(sum[1] > 0.16 && sum[1] < 0.24);
     assert_true(sum[2] > 0.14 && sum[2] < 0.24);
     for (int k = 0; k < 3; k++)
-        assert_true(nees[k][0] / nees[k][1] > 0.4 && nees[k][0] / nees[k][1] < 2);
+        assert_true(nees[k][0] / nees[k][1] > 0.5 && nees[k][0] / nees[k][1] < 1.8);
 }
 
 /* ---- segments ----------------------------------------------------------------------------------
