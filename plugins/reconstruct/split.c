@@ -215,6 +215,7 @@ bool line_split(line *l, line *other, const scene *s) {
 static double cost(const line *l, const scene *s) {
     scene reported = *s;
     reported.noise.corrected = false;
+    reported.rest = 0;
     return uncertainty(l, s) + s->memory * uncertainty(l, &reported);
 }
 

@@ -185,7 +185,8 @@ static bool worth_it(scan *s) {
     return by_pose > own;
 }
 
-/* Corrects the poses by what the lines say, and the lines by them. True when that was all. */
+/* Corrects the poses by what the lines say, and the lines by them. False when that is not all that
+ * is wrong. */
 static bool correct(scan *s, int times) {
     for (int i = 0; i < times; i++) {
         correct_frames(s);
