@@ -93,6 +93,10 @@ $(B)/packages: $(wildcard plugins/*/plugin.mk drivers/*/plugin.mk)
 	@for p in $(pkgs); do pkg-config --exists $$p || { \
 	    echo "make: the library $$p is missing; 'make setup-build' installs what the build needs" >&2; \
 	    exit 1; }; done
+	@for h in suitesparse/cholmod.h eigen3/Eigen/SparseCholesky; do \
+	    echo "#include <$$h>" | $(CXX) -E -x c++ - > /dev/null 2>&1 || { \
+	    echo "make: $$h is missing (libsuitesparse-dev, libeigen3-dev); 'make setup-build' installs" \
+	        "what the build needs" >&2; exit 1; }; done
 	@command -v lcm-gen > /dev/null || { \
 	    echo "make: lcm-gen is missing; 'make setup-build' installs what the build needs" >&2; exit 1; }
 	@touch $@
@@ -131,13 +135,13 @@ $(B)/lib/arris/%.stages: $(B)/lib/arris/%.so $(B)/mklist
 # ---- set-up: installs the Debian packages that are missing, and says which --------------------
 
 packages_build := gcc g++ pkg-config libpng-dev libturbojpeg0-dev libjansson-dev libmd-dev \
-                  libassimp-dev liblcm-dev liblcm-bin libeigen3-dev libusb-1.0-0-dev \
+                  libassimp-dev liblcm-dev liblcm-bin libeigen3-dev libsuitesparse-dev libusb-1.0-0-dev \
                   libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev \
                   libopencv-video-dev
 packages_test  := $(packages_build) libcmocka-dev iproute2 python3-venv
 packages_cell  := $(packages_build) iproute2 util-linux
 packages_check := $(packages_test) clang libclang-rt-14-dev valgrind
-packages_bench := $(packages_test) libgstreamer1.0-dev libopencv-contrib-dev
+packages_bench := $(packages_test) libgstreamer1.0-dev libopencv-contrib-dev libceres-dev
 packages_lint  := $(packages_build) clang-format shellcheck
 
 setup-%:
@@ -286,7 +290,12 @@ uninstall:
 sources = $(shell find core plugins $(wildcard drivers) tests samples \( -name '*.[ch]' -o -name '*.cc' \))
 format: setup-lint
 	clang-format -i $(sources)
-lint: setup-lint
+# Of CHOLMOD nothing but functions of Core and Cholesky: the others are not under the LGPL.
+cholmod_lgpl := cholmod_(start|finish|analyze_p|factorize|free_factor)
+lint: setup-lint $(B)/lib/arris/adjust.so
+	@! nm -D --undefined-only $(B)/lib/arris/adjust.so | grep -o 'cholmod_.*' | \
+	    grep -vxE '$(cholmod_lgpl)' || { echo "make: adjust calls these, which are not known to be" \
+	    "under the LGPL" >&2; exit 1; }
 	clang-format --dry-run -Werror $(sources)
 	for h in $(headers); do $(CC) -std=c11 -Wall -Wextra -Werror -fsyntax-only -x c $$h && \
 	    $(CXX) -std=c++17 -Wall -Wextra -Werror -fsyntax-only -x c++ $$h || exit 1; done

@@ -10,6 +10,7 @@ fuzz_scene_uses := scene
 fuzz_state_uses := lcm
 fuzz_picture_uses := lcm
 fuzz_command_uses := robot
+fuzz_adjust_uses := adjust files
 fuzz_ack_LIBS := -llcm
 
 test_network_uses := lcm
@@ -28,6 +29,7 @@ $(test_shared): $(B)/tests/%.so: $(B)/obj/tests/%.c.o
 
 test_guide_uses := edges segments
 test_segments_uses := edges
+bench_adjust_uses := adjust files
 bench_accuracy_uses := edges segments
 bench_edges_uses := edges segments
 bench_scene_uses := edges scene
@@ -53,3 +55,7 @@ $(B)/bench/plugins/rival.so: $(B)/obj/tests/bench/plugins/rival.cc.o $(B)/lib/li
 	@mkdir -p $(@D)
 	$(call say,MAKE,$@)
 	$(Q)$(CXX) -shared -o $@ $< -L$(B)/lib -larris $(ldflags) -lopencv_core -lopencv_imgproc
+
+bench_ceres_uses := adjust files
+bench_ceres_CFLAGS := -isystem /usr/include/eigen3
+bench_ceres_LIBS := -lceres -lglog

@@ -1,0 +1,263 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * apply.c: from a record and its lines to the problem, and back from its solution (record.h).
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "record.h"
+
+enum { VIEWS = 3 };               /* of a line, at least */
+static const double HOLD = 0.3;   /* of its distance, that a line may be off */
+static const double SHORT = 1e-3; /* mm: shorter is no line */
+static const double APART = 1;    /* px: nearer, it takes good poses to tell lines apart */
+static const double STRAY = 0.5;  /* of a frame's segments off their lines: it is an outlier */
+
+/* The distance of the line from the middle camera, mm. */
+static double distance_of(const record *r, const arris_line *l) {
+    const double *C = r->frame[r->n_frames / 2].pose.C;
+    double d[3];
+    for (int i = 0; i < 3; i++)
+        d[i] = (l->p[i] + l->q[i]) / 2 - C[i];
+    return sqrt(arris_dot(d, d));
+}
+
+static bool usable(const arris_line *l, uint32_t views) {
+    double d[3] = {l->q[0] - l->p[0], l->q[1] - l->p[1], l->q[2] - l->p[2]};
+    double length = sqrt(arris_dot(d, d)), at = arris_dot(l->p, l->p) + arris_dot(l->q, l->q);
+    return views >= VIEWS && length > SHORT && isfinite(length + at) && l->change != ARRIS_MERGED &&
+           l->change != ARRIS_RETIRED;
+}
+
+/* place[i] becomes the problem's line for lines->item[i], or -1. */
+static void add_lines(adj_problem *p, const record *r, const arris_lines *lines, int64_t *place) {
+    for (uint32_t i = 0; i < lines->n; i++)
+        place[i] = 0;
+    for (uint32_t i = 0; i < r->n; i++)
+        if (r->item[i].line >= 0)
+            place[r->item[i].line]++;
+    for (uint32_t i = 0; i < lines->n; i++) {
+        const arris_line *l = &lines->item[i];
+        place[i] = usable(l, (uint32_t)place[i])
+                       ? adj_add_line(p, l->p, l->q, fmax(HOLD * distance_of(r, l), SHORT))
+                       : -1;
+    }
+}
+
+static void add_views(adj_problem *p, const record *r, const int64_t *place) {
+    double rr[2];
+    for (uint32_t i = 0; i < r->n; i++) {
+        const sighting *o = &r->item[i];
+        if (o->line < 0 || place[o->line] < 0)
+            continue;
+        arris_segment s = {.x1 = o->x1, .y1 = o->y1, .x2 = o->x2, .y2 = o->y2};
+        for (int k = 0; k < 3; k++)
+            s.cov[k] = (double)o->cov[k];
+        int64_t v = adj_add_view(p, o->frame, (uint32_t)place[o->line], &s);
+        if (v >= 0 && !adj_residual(p, &p->view[v], &p->frame[o->frame].pose,
+                                    &p->line[place[o->line]], rr, NULL, NULL))
+            p->n_views--;
+        else if (v >= 0 && o->chi2 > 0)
+            p->line[place[o->line]].misfit += 1 - 1 / (double)o->chi2;
+    }
+}
+
+static int build(adj_problem *p, const record *r, const arris_lines *lines,
+                 const adjust_params *params, int64_t *place) {
+    int rc = adj_init(p, r->n_frames, lines->n, r->n);
+    if (rc)
+        return rc;
+    p->camera = r->camera;
+    for (uint32_t i = 0; i < r->n_frames; i++) {
+        const recorded_frame *f = &r->frame[i];
+        adj_add_frame(p, &f->pose, (double)(f->utime - r->frame[0].utime) * 1e-6);
+        memcpy(p->frame[i].pose.C, f->at.C, sizeof f->at.C);
+        memcpy(p->frame[i].pose.R, f->at.R, sizeof f->at.R);
+    }
+    add_lines(p, r, lines, place);
+    add_views(p, r, place);
+    p->robust = params->robust;
+    for (int k = 0; k < 6; k++)
+        p->sigma[k] = k < 3 ? params->pose_sigma : params->rot_sigma;
+    adj_set_common(p, params->common);
+    return 0;
+}
+
+/* ---- back ------------------------------------------------------------------------------------ */
+
+/* The covariance of (p, q): that of x across the line, and along it what it was. */
+static void spread(const adj_line *l, const double cov[16], arris_line *out) {
+    double u[3], along[2] = {0, 0}, A[6][4];
+    for (int i = 0; i < 3; i++)
+        u[i] = out->q[i] - out->p[i];
+    arris_unit(u);
+    for (int i = 0, n = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, n++)
+            if (i / 3 == j / 3)
+                along[i / 3] += (i == j ? 1 : 2) * u[i % 3] * out->cov[n] * u[j % 3];
+    for (int i = 0; i < 6; i++)
+        for (int k = 0; k < 4; k++) {
+            const double *b = k % 2 ? l->b : l->a;
+            A[i][k] = i / 3 == k / 2 ? b[i % 3] - arris_dot(b, u) * u[i % 3] : 0;
+        }
+    for (int i = 0, n = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, n++) {
+            out->cov[n] = i / 3 == j / 3 ? fmax(along[i / 3], 0) * u[i % 3] * u[j % 3] : 0;
+            for (int k = 0; k < 4; k++)
+                for (int m = 0; m < 4; m++)
+                    out->cov[n] += A[i][k] * cov[4 * k + m] * A[j][m];
+        }
+}
+
+/* The rms of its residuals, px, and how many views agree. */
+static void fit_of(const adj_problem *p, const adj_work *w, uint32_t line, arris_line *out) {
+    (void)w;
+    double sum = 0, weights = 0, r[2];
+    uint32_t views = 0;
+    for (uint32_t i = 0; i < p->n_views; i++) {
+        const adj_view *v = &p->view[i];
+        if (v->line != line ||
+            !adj_residual(p, v, &p->frame[v->frame].pose, &p->line[line], r, NULL, NULL))
+            continue;
+        double weight = adj_weight(p, adj_distance(v, &p->line[line], r));
+        sum += weight * (r[0] * r[0] + r[1] * r[1]) / 2;
+        weights += weight;
+        views += weight > 0.5;
+    }
+    out->rms = weights > 0 ? sqrt(sum / weights) : 0;
+    out->views = views;
+}
+
+static void write_lines(const adj_problem *p, adj_work *w, arris_lines *lines,
+                        const int64_t *place) {
+    double cov[16];
+    for (uint32_t i = 0; i < lines->n; i++) {
+        if (place[i] < 0)
+            continue;
+        uint32_t k = (uint32_t)place[i];
+        arris_line *l = &lines->item[i];
+        adj_line_points(&p->line[k], l->p, l->q);
+        adj_line_covariance(w, k, cov);
+        spread(&p->line[k], cov, l);
+        fit_of(p, w, k, l);
+    }
+}
+
+static int write_poses(const adj_problem *p, const adj_work *w, record *r, adjusted *out) {
+    out->pose = malloc((p->n_frames + (size_t)1) * sizeof *out->pose);
+    out->pose_cov = malloc((p->n_frames + (size_t)1) * sizeof *out->pose_cov);
+    if (!out->pose || !out->pose_cov)
+        return ARRIS_E_MEMORY;
+    for (uint32_t i = 0; i < p->n_frames; i++) {
+        recorded_frame *f = &r->frame[i];
+        out->pose[i] = p->frame[i].pose;
+        adj_pose_covariance(w, i, out->pose_cov[i]);
+        f->outlier = p->frame[i].outlier || (f->seen > 3 && f->strays > STRAY * f->seen);
+    }
+    return 0;
+}
+
+void record_adjusted_free(adjusted *a) {
+    free(a->pose);
+    free(a->pose_cov);
+    a->pose = NULL;
+    a->pose_cov = NULL;
+}
+
+/* ---- what the scan does not tell ------------------------------------------------------------- */
+
+enum { FRAMES = 3 };               /* at least */
+static const double ALIKE = 0.035; /* rad: lines within 2° are of one direction */
+static const double WIDE = 0.05;   /* sigma of the scale that is none */
+
+static void state(adjusted *out, const char *what) {
+    size_t n = strlen(out->undetermined);
+    snprintf(out->undetermined + n, sizeof out->undetermined - n, "%s%s", n ? "; " : "", what);
+}
+
+static bool all_parallel(const adj_problem *p) {
+    for (uint32_t i = 1; i < p->n_lines; i++) {
+        double n[3];
+        arris_cross(p->line[0].u, p->line[i].u, n);
+        if (sqrt(arris_dot(n, n)) > ALIKE)
+            return false;
+    }
+    return true;
+}
+
+/* Too little to adjust. */
+static bool too_little(const adj_problem *p, adjusted *out) {
+    if (p->n_frames < FRAMES)
+        state(out, "two frames or fewer: lines and poses cannot be told apart");
+    else if (p->n_lines < 2)
+        state(out, p->n_lines ? "one line alone does not tell the poses"
+                              : "no line was seen in 3 frames");
+    return *out->undetermined;
+}
+
+static void judge(const adj_problem *p, adjusted *out) {
+    static const char *const axes[6] = {"the noise of x",
+                                        "the noise of y",
+                                        "the noise of z",
+                                        "the noise of the rotation about x",
+                                        "the noise of the rotation about y",
+                                        "the noise of the rotation about z"};
+    if (all_parallel(p))
+        state(out, "all lines are parallel: the poses along them are as reported");
+    for (int k = 0; k < 6; k++)
+        if (!out->q.determined[k])
+            state(out, axes[k]);
+    if (!(out->q.scale_sigma < WIDE))
+        state(out, "the scale: no reported pose holds it");
+}
+
+static int write(const adj_problem *p, adj_work *w, record *r, arris_lines *lines,
+                 const int64_t *place, adjusted *out) {
+    int rc = write_poses(p, w, r, out);
+    if (rc < 0)
+        return rc;
+    write_lines(p, w, lines, place);
+    lines->scale_sigma = isfinite(out->q.scale_sigma) ? out->q.scale_sigma : 0;
+    lines->pose_sigma = sqrt(arris_dot(p->sigma, p->sigma) / 3);
+    out->lines = p->n_lines, out->views = p->n_views, out->common = p->common;
+    memcpy(out->state, p->state, sizeof out->state);
+    judge(p, out);
+    return 0;
+}
+
+/* Once, with the segments that are surely of their line, or all; where the frames are thought to be
+ * goes into the record. */
+static int adjust_once(record *r, arris_lines *lines, const adjust_params *params, double apart,
+                       int64_t *place, adjusted *out) {
+    adj_problem p = {.frame = NULL};
+    adj_work *w = NULL;
+    int rc = record_associate(r, lines, apart);
+    rc = rc ? rc : build(&p, r, lines, params, place);
+    *out->undetermined = 0;
+    if (rc == 0 && !too_little(&p, out)) {
+        w = adj_work_new(&p, params->backend);
+        rc = w ? adj_estimate(&p, w, &out->q) : ARRIS_E_MEMORY;
+        if (rc == 0 && apart == 0)
+            rc = write(&p, w, r, lines, place, out);
+    }
+    for (uint32_t i = 0; rc == 0 && i < p.n_frames; i++) {
+        memcpy(r->frame[i].at.C, p.frame[i].pose.C, sizeof p.frame[i].pose.C);
+        memcpy(r->frame[i].at.R, p.frame[i].pose.R, sizeof p.frame[i].pose.R);
+    }
+    adj_work_free(w);
+    adj_free(&p);
+    return rc;
+}
+
+int record_adjust(record *r, arris_lines *lines, const adjust_params *params, adjusted *out) {
+    int64_t *place = malloc((lines->n + (size_t)1) * sizeof *place);
+    memset(out, 0, sizeof *out);
+    int rc = place ? adjust_once(r, lines, params, APART, place, out) : ARRIS_E_MEMORY;
+    rc = rc ? rc : adjust_once(r, lines, params, 0, place, out);
+    if (rc < 0)
+        record_adjusted_free(out);
+    free(place);
+    return rc;
+}

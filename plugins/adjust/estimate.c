@@ -1,0 +1,285 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * estimate.c: the noise along with the rest (adjust.h). Each component's variance becomes what its
+ * residuals sum to over their redundancy, until nothing changes; that is the maximum of the
+ * likelihood of what was seen, with the lines and poses integrated out.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "work.h"
+
+enum { ROUNDS = 16, STEPS = 20, FEWER = 4 };
+enum { ALIKE = 3, LOOSE = 5, APART = 8 }; /* rounds until lines have their own variance; */
+/* until the poses' is estimated; until lines have a memory */
+static const double STILL = 0.03;            /* relative change of a sigma that is none */
+static const double COARSE = 0.1;            /* of chi-square, while the noise is not known */
+static const double FINE = 1e-9;             /* at the end */
+static const double START[2] = {1e-3, 1e-3}; /* sigma of the poses: of the distance, and rad */
+static const double LEAST[2] = {1e-6, 1e-6}; /* below which it is none; likewise */
+static const double NOISE = 3;               /* sigmas from which a correlation is none by chance */
+static const double ENOUGH = 3;              /* degrees of freedom that tell a sigma */
+static const double PRIOR_DOF = 10;   /* weight of all lines' variance against a line's own */
+static const double CORRELATED = 0.9; /* of a line's residuals from view to view, at most */
+static const double ALIKE_VIEWS = 10; /* in which what no profile explains is the same */
+static const double CHANCE = 0.1;     /* of misfit, that says nothing */
+static const double FAR = 7;          /* robust sigmas from which a pose is an outlier */
+enum { FEW = 10 };                    /* frames that do not tell what an outlier is */
+
+/* ---- segments -------------------------------------------------------------------------------- */
+
+/* What weighted squared distances are on average over 2 for Gaussian noise: the mean of
+ * t w(2 t) exp(-t). */
+static double expected_share(const adj_problem *p) {
+    double sum = 0, step = 0.01;
+    for (double t = step / 2; t < 40; t += step)
+        sum += t * adj_weight(p, 2 * t) * exp(-t) * step;
+    return sum;
+}
+
+typedef struct fit {
+    double chi2, views; /* by the stated variance */
+    double memory;      /* successive views that count as one, since they err alike */
+} fit;
+
+static fit fit_of(const adj_problem *p, const adj_system *s, uint32_t line) {
+    const adj_line *l = &p->line[line];
+    fit f = {0, 0, 1};
+    double r[2], before = 0, product = 0, square = 0;
+    for (uint32_t k = s->first[line]; k < s->first[line + 1]; k++) {
+        const adj_view *v = &p->view[s->order[k]];
+        if (!adj_residual(p, v, &p->frame[v->frame].pose, l, r, NULL, NULL))
+            continue;
+        double d2 = adj_distance(v, l, r), weight = adj_weight(p, d2);
+        double offset = sqrt(weight) * (r[0] + r[1]);
+        product += offset * before;
+        square += offset * offset;
+        f.chi2 += weight * d2 * l->variance;
+        f.views++;
+        before = offset;
+    }
+    f.chi2 /= expected_share(p);
+    double chance = 2 / sqrt(f.views + 1);
+    double rho = square > 0 ? fmin(fmax(product / square - chance, 0), CORRELATED) : 0;
+    f.memory = (1 + rho) / (1 - rho);
+    return f;
+}
+
+static double dof_of(const fit *f, double share) {
+    return fmax(2 * f->views * share - 4, 0);
+}
+
+/* Sets the lines' variances, the whole scan's counting as a few residuals of each; `share` is that
+ * of the residuals which the poses leave. Returns by how much they changed on average, as a share.
+ */
+static double weigh_lines(adj_problem *p, const adj_system *s, double share, int round) {
+    double sum = 0, n = 0;
+    for (uint32_t i = 0; i < p->n_lines; i++) {
+        fit f = fit_of(p, s, i);
+        double dof = dof_of(&f, share);
+        if (dof < PRIOR_DOF)
+            continue;
+        sum += log(f.chi2 / dof + 1e-3);
+        n++;
+    }
+    double usual = n > 0 ? exp(sum / n) : 1, changed = 0;
+    for (uint32_t i = 0; i < p->n_lines; i++) {
+        fit f = fit_of(p, s, i);
+        double v = (f.chi2 + PRIOR_DOF * usual) / (dof_of(&f, share) + PRIOR_DOF);
+        v = round < ALIKE ? fmax(usual, 1) : fmax(v, 1);
+        v *= 1 + ALIKE_VIEWS * fmax(p->line[i].misfit / fmax(f.views, 1) - CHANCE, 0) +
+             (round < APART ? 0 : f.memory - 1);
+        changed += fabs(log(v / p->line[i].variance)) / p->n_lines;
+        p->line[i].variance = v;
+    }
+    return changed;
+}
+
+/* ---- poses ----------------------------------------------------------------------------------- */
+
+/* Of one axis, summed over the frames, in sigmas. */
+typedef struct component {
+    double squares, redundancy;
+} component;
+
+static void sum_components(const adj_problem *p, const adj_work *w, component c[6]) {
+    double e[6], cov[36];
+    memset(c, 0, 6 * sizeof *c);
+    for (uint32_t i = 0; i < p->n_frames; i++) {
+        adj_error(p, i, e, NULL, NULL);
+        adj_pose_covariance(w, i, cov);
+        for (int k = 0; k < 6; k++) {
+            double t = adj_precision(p, k, i);
+            c[k].squares += t * e[k] * e[k];
+            c[k].redundancy += t > 0 ? 1 - t * cov[7 * k] : 0;
+        }
+    }
+}
+
+/* How many successive frames count as one, since the poses' errors hang together: 1 plus twice the
+ * sum of their autocorrelation, as far as that is above the noise (Geyer 1992). */
+static double memory_of(const adj_problem *p) {
+    double sum = 1, e[6], later[6];
+    for (uint32_t lag = 1; 4 * lag < p->n_frames; lag++) {
+        double product = 0, square = 0, n = 0;
+        for (uint32_t i = 0; i + lag < p->n_frames; i++) {
+            if (p->frame[i].outlier || p->frame[i + lag].outlier)
+                continue;
+            adj_error(p, i, e, NULL, NULL);
+            adj_error(p, i + lag, later, NULL, NULL);
+            for (int k = 0; k < 6; k++) {
+                double t = adj_precision(p, k, i);
+                product += t * e[k] * later[k];
+                square += t * (e[k] * e[k] + later[k] * later[k]) / 2;
+                n++;
+            }
+        }
+        if (!(product > NOISE * square / sqrt(n + 1)))
+            break;
+        sum += 2 * product / square;
+    }
+    return sum;
+}
+
+/* The greatest relative change. */
+static double update_sigmas(adj_problem *p, const component c[6], const bool known[6],
+                            double distance, bool determined[6]) {
+    double most = 0;
+    for (int k = 0; k < 6; k++) {
+        determined[k] = known[k] || c[k].redundancy > ENOUGH;
+        if (known[k] || !determined[k])
+            continue;
+        double was = p->sigma[k], least = LEAST[k / 3] * (k < 3 ? distance : 1);
+        double share = fmin(fmax(c[k].squares / c[k].redundancy, 0.1), 10);
+        p->sigma[k] = fmax(was * sqrt(share), least);
+        most = fmax(most, fabs(p->sigma[k] / was - 1));
+    }
+    return most;
+}
+
+static int by_size(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Whether a frame became an outlier, or is none any more. */
+static bool find_outliers(adj_problem *p, double distance, double *scratch, adj_quality *q) {
+    uint32_t n = p->n_frames, found = 0;
+    bool changed = false;
+    double limit[6], e[6];
+    if (n < FEW)
+        return false;
+    for (int k = 0; k < 6; k++) {
+        for (uint32_t i = 0; i < n; i++) {
+            adj_error(p, i, e, NULL, NULL);
+            scratch[i] = fabs(e[k]);
+        }
+        qsort(scratch, n, sizeof *scratch, by_size);
+        double least = 10 * LEAST[k / 3] * (k < 3 ? distance : 1);
+        limit[k] = FAR * fmax(1.4826 * scratch[n / 2], least);
+    }
+    for (uint32_t i = 0; i < n; i++) {
+        bool far = false;
+        adj_error(p, i, e, NULL, NULL);
+        for (int k = 0; k < 6; k++)
+            far |= fabs(e[k]) > limit[k];
+        changed |= far != p->frame[i].outlier;
+        p->frame[i].outlier = far;
+        found += far;
+    }
+    q->outliers = found;
+    return changed;
+}
+
+/* ---- all of it ------------------------------------------------------------------------------- */
+
+static double median_distance(const adj_problem *p, double *scratch) {
+    for (uint32_t i = 0; i < p->n_lines; i++)
+        scratch[i] = 3 * p->line[i].hold;
+    qsort(scratch, p->n_lines, sizeof *scratch, by_size);
+    return p->n_lines ? scratch[p->n_lines / 2] : 1;
+}
+
+static void begin(adj_problem *p, double distance, const adj_quality *q, bool known[6]) {
+    for (int k = 0; k < 6; k++) {
+        known[k] = p->sigma[k] > 0;
+        if (!known[k])
+            p->sigma[k] = q->rounds > 0 ? q->sigma[k] : START[k / 3] * (k < 3 ? distance : 1);
+    }
+}
+
+/* Upper tail of chi-square (Wilson and Hilferty 1931). */
+static double tail(double chi2, double dof) {
+    double v = 2 / (9 * dof), z = (cbrt(chi2 / dof) - (1 - v)) / sqrt(v);
+    return dof > 0 ? erfc(z / sqrt(2)) / 2 : 1;
+}
+
+static void judge(const adj_problem *p, const adj_system *s, double poses, adj_quality *q) {
+    double views = 0, centre[3], cov[49];
+    q->chi2 = 0;
+    for (uint32_t i = 0; i < p->n_lines; i++) {
+        fit f = fit_of(p, s, i);
+        q->chi2 += f.chi2;
+        views += f.views;
+    }
+    q->dof = fmax(2 * views - 4.0 * p->n_lines - poses, 0);
+    q->factor = q->dof > 0 ? sqrt(q->chi2 / q->dof) : 1;
+    q->significance = tail(q->chi2, q->dof);
+    q->cost = adj_cost(p);
+    q->scale_sigma = adj_gauge(p, centre, cov) ? sqrt(cov[48]) : (double)INFINITY;
+}
+
+static double told_of_poses(const component c[6]) {
+    double sum = 0;
+    for (int k = 0; k < 6; k++)
+        sum += c[k].redundancy;
+    return fmax(sum, 0);
+}
+
+static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch) {
+    bool known[6], changed = true;
+    component c[6];
+    double poses = 0, most = 1, distance = median_distance(p, scratch);
+    int rc = 0, first = q->rounds > 0 ? ALIKE : 0;
+    begin(p, distance, q, known);
+    q->rounds = 0;
+    for (int i = first; rc >= 0 && i < ROUNDS && (i <= APART || most > STILL || changed);
+         i++, q->rounds++) {
+        double share = 1 - poses / fmax(2.0 * p->n_views, poses + 1);
+        rc = adj_work_plan(w, p);
+        double lines = weigh_lines(p, &w->system, share, i);
+        rc = rc < 0 ? rc : adj_minimise(p, w, i < LOOSE ? STEPS : FEWER, COARSE);
+        changed = rc >= 0 && find_outliers(p, distance, scratch, q);
+        most = lines;
+        if (rc < 0 || i + 1 < LOOSE)
+            continue;
+        rc = adj_marginals(p, w);
+        if (rc < 0)
+            break;
+        sum_components(p, w, c);
+        if (i >= LOOSE)
+            most = fmax(update_sigmas(p, c, known, distance, q->determined), lines);
+        poses = told_of_poses(c);
+    }
+    rc = rc < 0 ? rc : adj_minimise(p, w, STEPS, FINE);
+    if (rc < 0)
+        return rc;
+    memcpy(q->sigma, p->sigma, sizeof q->sigma);
+    q->memory = memory_of(p);
+    for (int k = 0; k < 6; k++)
+        p->sigma[k] *= sqrt(q->memory);
+    rc = adj_marginals(p, w);
+    judge(p, &w->system, poses, q);
+    return rc;
+}
+
+int adj_estimate(adj_problem *p, adj_work *w, adj_quality *q) {
+    size_t n = p->n_frames > p->n_lines ? p->n_frames : p->n_lines;
+    double *scratch = malloc((n + 1) * sizeof *scratch);
+    if (!scratch)
+        return ARRIS_E_MEMORY;
+    int rc = estimate(p, w, q, scratch);
+    free(scratch);
+    return rc;
+}

@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * work.h: what it takes to solve a problem (adjust.h), between the files that do.
+ */
+#ifndef ADJUST_WORK_H
+#define ADJUST_WORK_H
+
+#include "adjust.h"
+#include "system.h"
+
+struct adj_work {
+    const adj_backend *backend;
+    adj_solver *solver;
+    adj_system system;
+    adj_factor factor;
+    bool planned;                          /* for what the problem is made of */
+    double *step, *scratch;                /* a number for each row */
+    int *place;                            /* likewise */
+    adj_pose *poses;                       /* as they were before a step */
+    double (*lines)[4], state[ADJ_COMMON]; /* likewise */
+    double *inverse;                       /* in the places of the factor's values */
+    size_t max_inverse;
+};
+
+/* For the problem's pattern, unless it is planned. 0 or ARRIS_E_MEMORY. */
+int adj_work_plan(adj_work *w, const adj_problem *p);
+
+#endif
