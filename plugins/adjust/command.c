@@ -3,10 +3,8 @@
  * command.c: `arris adjust`: lines and poses of a scan that filesink wrote.
  */
 #include <errno.h>
-#include <getopt.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "arris.h"
 #include "arris_plugin.h"
@@ -16,6 +14,7 @@
 #include "files/output.h"
 #include "files/writers.h"
 #include "input.h"
+#include "options.h"
 #include "summary.h"
 
 static const char help[] =
@@ -86,7 +85,8 @@ static int read_solver(const char *text, const adj_backend **backend, fault *f) 
 
 enum { POSES = 1, CAMERA, POSE_SIGMA, ROT_SIGMA, STATES, ROBUST, SOLVER, TRUTH, JSON };
 
-static int read_option(int c, command *m, fault *f) {
+static int read_option(int c, void *self, fault *f) {
+    command *m = self;
     switch (c) {
     case POSES:
         m->poses = optarg;
@@ -130,17 +130,7 @@ static int read_options(int argc, char **argv, command *m, fault *f) {
                                           {"output", required_argument, NULL, 'o'},
                                           {"help", no_argument, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
-    int r = 0;
-    optind = 0; /* glibc: from the beginning */
-    opterr = 0;
-    for (int c; r == 0 && (c = getopt_long(argc, argv, "ho:", table, NULL)) != -1;) {
-        if (c == 'h')
-            return 1;
-        if (c == '?')
-            return fault_set(f, ARRIS_E_USAGE, hint, "'%.100s' is no option, or lacks its value",
-                             argv[optind - 1]);
-        r = read_option(c, m, f);
-    }
+    int r = options_read(argc, argv, table, read_option, m, hint, f);
     if (r == 0 && argc - optind != 3)
         return fault_set(f, ARRIS_E_USAGE, hint,
                          "it takes three files: lines.json frames.csv segments.csv");

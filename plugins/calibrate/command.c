@@ -4,10 +4,11 @@
  */
 #include "command.h"
 
-#include <getopt.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "options.h"
 
 static const char help[] =
     "usage: arris calibrate --board COLSxROWS --square MM [options] IMAGES... -o camera.json\n"
@@ -90,7 +91,8 @@ static int read_fixed(const char *text, cal_options *o, fault *f) {
 
 enum { BOARD = 1, SQUARE, FIX, FLAT, REPORT, DISTANCE, FROM, TARGET, HAND_EYE, CAMERA, PRINT };
 
-static int read_option(int c, command *m, fault *f) {
+static int read_option(int c, void *self, fault *f) {
+    command *m = self;
     switch (c) {
     case BOARD:
         return read_board("--board", optarg, &m->views.board, f);
@@ -143,17 +145,7 @@ static int read_options(int argc, char **argv, command *m, fault *f) {
                                           {"output", required_argument, NULL, 'o'},
                                           {"help", no_argument, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
-    int r = 0;
-    optind = 0; /* glibc: from the beginning */
-    opterr = 0;
-    for (int c; r == 0 && (c = getopt_long(argc, argv, "ho:", table, NULL)) != -1;) {
-        if (c == 'h')
-            return 1;
-        if (c == '?')
-            return fault_set(f, ARRIS_E_USAGE, "see `arris calibrate --help`",
-                             "'%.100s' is no option, or lacks its value", argv[optind - 1]);
-        r = read_option(c, m, f);
-    }
+    int r = options_read(argc, argv, table, read_option, m, "see `arris calibrate --help`", f);
     m->paths = argv + optind;
     m->n_paths = argc - optind;
     return r;
