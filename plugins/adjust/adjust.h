@@ -17,12 +17,10 @@ extern "C" {
 
 typedef struct adj_work adj_work;
 
-/* What a problem of that room needs to be solved, NULL: no memory. */
+/* What it takes to solve the problem, whose frames, lines, views and common states stay the same
+ * from then on. NULL: no memory. */
 adj_work *adj_work_new(const adj_problem *p, const adj_backend *backend);
 void adj_work_free(adj_work *w); /* NULL is allowed */
-
-/* Views, frames, lines or common states were added or taken away. */
-void adj_work_forget(adj_work *w);
 
 /* Moves the problem to the least cost, by Levenberg and Marquardt: until a step would take off less
  * than `least` of chi-square, or `rounds` are over. Returns the steps that were taken, or
@@ -31,7 +29,6 @@ int adj_minimise(adj_problem *p, adj_work *w, int rounds, double least);
 
 /* What the estimate says of itself. */
 typedef struct adj_quality {
-    double cost;            /* robust chi-square at the solution */
     double dof;             /* residuals minus what is estimated of them */
     double chi2;            /* of the segments by their stated variances, weighted */
     double factor;          /* its noise factor: the root of that over what is expected */

@@ -111,28 +111,33 @@ static void spread(const adj_line *l, const double cov[16], arris_line *out) {
         }
 }
 
-/* The rms of its residuals, px, and how many views agree. */
-static void fit_of(const adj_problem *p, const adj_work *w, uint32_t line, arris_line *out) {
-    (void)w;
-    double sum = 0, weights = 0, r[2];
-    uint32_t views = 0;
+/* Of a line's residuals. */
+typedef struct fit {
+    double sum, weights; /* px² */
+    uint32_t views;      /* that agree */
+} fit;
+
+static void sum_fits(const adj_problem *p, fit *fits) {
+    double r[2];
     for (uint32_t i = 0; i < p->n_views; i++) {
         const adj_view *v = &p->view[i];
-        if (v->line != line ||
-            !adj_residual(p, v, &p->frame[v->frame].pose, &p->line[line], r, NULL, NULL))
+        const adj_line *l = &p->line[v->line];
+        if (!adj_residual(p, v, &p->frame[v->frame].pose, l, r, NULL, NULL))
             continue;
-        double weight = adj_weight(p, adj_distance(v, &p->line[line], r));
-        sum += weight * (r[0] * r[0] + r[1] * r[1]) / 2;
-        weights += weight;
-        views += weight > 0.5;
+        double weight = adj_weight(p, adj_distance(v, l, r));
+        fits[v->line].sum += weight * (r[0] * r[0] + r[1] * r[1]) / 2;
+        fits[v->line].weights += weight;
+        fits[v->line].views += weight > 0.5;
     }
-    out->rms = weights > 0 ? sqrt(sum / weights) : 0;
-    out->views = views;
 }
 
-static void write_lines(const adj_problem *p, adj_work *w, arris_lines *lines,
-                        const int64_t *place) {
+static int write_lines(const adj_problem *p, const adj_work *w, arris_lines *lines,
+                       const int64_t *place) {
+    fit *fits = calloc(p->n_lines, sizeof *fits);
     double cov[16];
+    if (!fits)
+        return ARRIS_E_MEMORY;
+    sum_fits(p, fits);
     for (uint32_t i = 0; i < lines->n; i++) {
         if (place[i] < 0)
             continue;
@@ -141,19 +146,20 @@ static void write_lines(const adj_problem *p, adj_work *w, arris_lines *lines,
         adj_line_points(&p->line[k], l->p, l->q);
         adj_line_covariance(w, k, cov);
         spread(&p->line[k], cov, l);
-        fit_of(p, w, k, l);
+        l->rms = fits[k].weights > 0 ? sqrt(fits[k].sum / fits[k].weights) : 0;
+        l->views = fits[k].views;
     }
+    free(fits);
+    return 0;
 }
 
-static int write_poses(const adj_problem *p, const adj_work *w, record *r, adjusted *out) {
+static int write_poses(const adj_problem *p, record *r, adjusted *out) {
     out->pose = malloc((p->n_frames + (size_t)1) * sizeof *out->pose);
-    out->pose_cov = malloc((p->n_frames + (size_t)1) * sizeof *out->pose_cov);
-    if (!out->pose || !out->pose_cov)
+    if (!out->pose)
         return ARRIS_E_MEMORY;
     for (uint32_t i = 0; i < p->n_frames; i++) {
         recorded_frame *f = &r->frame[i];
         out->pose[i] = p->frame[i].pose;
-        adj_pose_covariance(w, i, out->pose_cov[i]);
         f->outlier = p->frame[i].outlier || (f->seen > 3 && f->strays > STRAY * f->seen);
     }
     return 0;
@@ -161,9 +167,7 @@ static int write_poses(const adj_problem *p, const adj_work *w, record *r, adjus
 
 void record_adjusted_free(adjusted *a) {
     free(a->pose);
-    free(a->pose_cov);
     a->pose = NULL;
-    a->pose_cov = NULL;
 }
 
 /* ---- what the scan does not tell ------------------------------------------------------------- */
@@ -213,15 +217,16 @@ static void judge(const adj_problem *p, adjusted *out) {
         state(out, "the scale: no reported pose holds it");
 }
 
-static int write(const adj_problem *p, adj_work *w, record *r, arris_lines *lines,
+static int write(const adj_problem *p, const adj_work *w, record *r, arris_lines *lines,
                  const int64_t *place, adjusted *out) {
-    int rc = write_poses(p, w, r, out);
-    if (rc < 0)
+    int rc = write_poses(p, r, out);
+    rc = rc ? rc : write_lines(p, w, lines, place);
+    if (rc)
         return rc;
-    write_lines(p, w, lines, place);
     lines->scale_sigma = isfinite(out->q.scale_sigma) ? out->q.scale_sigma : 0;
-    lines->pose_sigma = sqrt(arris_dot(p->sigma, p->sigma) / 3);
+    lines->pose_sigma = sqrt(arris_dot(out->q.sigma, out->q.sigma) / 3);
     out->lines = p->n_lines, out->views = p->n_views, out->common = p->common;
+    out->n_states = adj_n_common(p);
     memcpy(out->state, p->state, sizeof out->state);
     judge(p, out);
     return 0;

@@ -43,7 +43,8 @@ typedef struct fit {
     double memory;      /* successive views that count as one, since they err alike */
 } fit;
 
-static fit fit_of(const adj_problem *p, const adj_system *s, uint32_t line) {
+/* `expected` is expected_share. */
+static fit fit_of(const adj_problem *p, const adj_system *s, uint32_t line, double expected) {
     const adj_line *l = &p->line[line];
     fit f = {0, 0, 1};
     double r[2], before = 0, product = 0, square = 0;
@@ -59,7 +60,7 @@ static fit fit_of(const adj_problem *p, const adj_system *s, uint32_t line) {
         f.views++;
         before = offset;
     }
-    f.chi2 /= expected_share(p);
+    f.chi2 /= expected;
     double chance = 2 / sqrt(f.views + 1);
     double rho = square > 0 ? fmin(fmax(product / square - chance, 0), CORRELATED) : 0;
     f.memory = (1 + rho) / (1 - rho);
@@ -71,21 +72,22 @@ static double dof_of(const fit *f, double share) {
 }
 
 /* Sets the lines' variances, the whole scan's counting as a few residuals of each; `share` is that
- * of the residuals which the poses leave. Returns by how much they changed on average, as a share.
+ * of the residuals which the poses leave; `fits` has room for all lines. Returns by how much they
+ * changed on average, as a share.
  */
-static double weigh_lines(adj_problem *p, const adj_system *s, double share, int round) {
-    double sum = 0, n = 0;
+static double weigh_lines(adj_problem *p, const adj_system *s, double share, int round, fit *fits) {
+    double sum = 0, n = 0, expected = expected_share(p);
     for (uint32_t i = 0; i < p->n_lines; i++) {
-        fit f = fit_of(p, s, i);
-        double dof = dof_of(&f, share);
+        fits[i] = fit_of(p, s, i, expected);
+        double dof = dof_of(&fits[i], share);
         if (dof < PRIOR_DOF)
             continue;
-        sum += log(f.chi2 / dof + 1e-3);
+        sum += log(fits[i].chi2 / dof + 1e-3);
         n++;
     }
     double usual = n > 0 ? exp(sum / n) : 1, changed = 0;
     for (uint32_t i = 0; i < p->n_lines; i++) {
-        fit f = fit_of(p, s, i);
+        fit f = fits[i];
         double v = (f.chi2 + PRIOR_DOF * usual) / (dof_of(&f, share) + PRIOR_DOF);
         v = round < ALIKE ? fmax(usual, 1) : fmax(v, 1);
         v *= 1 + ALIKE_VIEWS * fmax(p->line[i].misfit / fmax(f.views, 1) - CHANCE, 0) +
@@ -216,17 +218,16 @@ static double tail(double chi2, double dof) {
 }
 
 static void judge(const adj_problem *p, const adj_system *s, double poses, adj_quality *q) {
-    double views = 0, centre[3], cov[49];
+    double views = 0, centre[3], cov[49], expected = expected_share(p);
     q->chi2 = 0;
     for (uint32_t i = 0; i < p->n_lines; i++) {
-        fit f = fit_of(p, s, i);
+        fit f = fit_of(p, s, i, expected);
         q->chi2 += f.chi2;
         views += f.views;
     }
     q->dof = fmax(2 * views - 4.0 * p->n_lines - poses, 0);
     q->factor = q->dof > 0 ? sqrt(q->chi2 / q->dof) : 1;
     q->significance = tail(q->chi2, q->dof);
-    q->cost = adj_cost(p);
     q->scale_sigma = adj_gauge(p, centre, cov) ? sqrt(cov[48]) : (double)INFINITY;
 }
 
@@ -237,7 +238,7 @@ static double told_of_poses(const component c[6]) {
     return fmax(sum, 0);
 }
 
-static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch) {
+static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch, fit *fits) {
     bool known[6], changed = true;
     component c[6];
     double poses = 0, most = 1, distance = median_distance(p, scratch);
@@ -248,8 +249,10 @@ static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch
          i++, q->rounds++) {
         double share = 1 - poses / fmax(2.0 * p->n_views, poses + 1);
         rc = adj_work_plan(w, p);
-        double lines = weigh_lines(p, &w->system, share, i);
-        rc = rc < 0 ? rc : adj_minimise(p, w, i < LOOSE ? STEPS : FEWER, COARSE);
+        if (rc < 0)
+            break;
+        double lines = weigh_lines(p, &w->system, share, i, fits);
+        rc = adj_minimise(p, w, i < LOOSE ? STEPS : FEWER, COARSE);
         changed = rc >= 0 && find_outliers(p, distance, scratch, q);
         most = lines;
         if (rc < 0 || i + 1 < LOOSE)
@@ -277,9 +280,9 @@ static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch
 int adj_estimate(adj_problem *p, adj_work *w, adj_quality *q) {
     size_t n = p->n_frames > p->n_lines ? p->n_frames : p->n_lines;
     double *scratch = malloc((n + 1) * sizeof *scratch);
-    if (!scratch)
-        return ARRIS_E_MEMORY;
-    int rc = estimate(p, w, q, scratch);
+    fit *fits = malloc((n + 1) * sizeof *fits);
+    int rc = scratch && fits ? estimate(p, w, q, scratch, fits) : ARRIS_E_MEMORY;
     free(scratch);
+    free(fits);
     return rc;
 }

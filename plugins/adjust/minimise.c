@@ -45,10 +45,6 @@ void adj_work_free(adj_work *w) {
     free(w);
 }
 
-void adj_work_forget(adj_work *w) {
-    w->planned = false;
-}
-
 static void save(const adj_problem *p, adj_work *w) {
     for (uint32_t i = 0; i < p->n_frames; i++)
         w->poses[i] = p->frame[i].pose;

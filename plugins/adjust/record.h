@@ -53,10 +53,10 @@ typedef struct adjusted {
     adj_quality q;
     uint32_t lines, views; /* that took part */
     unsigned common;
-    double state[ADJ_COMMON], state_sigma[ADJ_COMMON];
-    char undetermined[400]; /* what the scan does not tell, in words; empty: nothing */
+    int n_states;             /* in all */
+    double state[ADJ_COMMON]; /* of `common`, as of adj_problem */
+    char undetermined[400];   /* what the scan does not tell, in words; empty: nothing */
     adj_pose *pose; /* of every frame, for record_adjusted_free; NULL: nothing was adjusted */
-    double (*pose_cov)[36];
 } adjusted;
 
 /* Adjusts the lines in place: ends, covariance, rms, views; those that were seen too little stay as

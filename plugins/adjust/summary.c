@@ -144,6 +144,26 @@ static void print_sigmas(FILE *out, const adj_quality *q) {
     fputc('\n', out);
 }
 
+static void print_states(FILE *out, const adjusted *a) {
+    static const struct {
+        unsigned bit;
+        int n;
+        const char *what;
+    } groups[] = {{ADJ_SCALE, 1, "scale, relative          "},
+                  {ADJ_DRIFT, 6, "drift, mm and rad        "},
+                  {ADJ_HAND_EYE, 6, "hand-eye, mm and rad     "},
+                  {ADJ_DELAY, 1, "delay, s                 "}};
+    const double *v = a->state;
+    for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {
+        if (!(a->common & groups[i].bit))
+            continue;
+        fprintf(out, "%s", groups[i].what);
+        for (int k = 0; k < groups[i].n; k++)
+            fprintf(out, " %.3g", *v++);
+        fputc('\n', out);
+    }
+}
+
 static void print_truth(FILE *out, const summary *s) {
     const pose_errors *a = &s->reported, *b = &s->adjusted;
     fprintf(out, "poses against the true     reported    adjusted\n");
@@ -163,6 +183,7 @@ void summary_print(FILE *out, const summary *s) {
     fprintf(out, "  after                   %u, rms %.4f px\n", measured(s->after),
             rms_of(s->after));
     print_sigmas(out, q);
+    print_states(out, s->result);
     fprintf(out, "sigma of the scale        %.3g (%.3f mm in 1 m)\n", q->scale_sigma,
             q->scale_sigma * 1e3);
     fprintf(out, "chi-square                %.1f, %.0f degrees of freedom, p = %.2g\n", q->chi2,
@@ -205,6 +226,10 @@ void summary_json(FILE *out, const summary *s) {
             fprintf(out, "%s%.9g", comma, q->sigma[k]);
         else
             fprintf(out, "%snull", comma);
+    fprintf(out, "], \"states\": [");
+    comma = "";
+    for (int k = 0; k < s->result->n_states; k++, comma = ", ")
+        fprintf(out, "%s%.9g", comma, s->result->state[k]);
     fprintf(out, "], \"outliers\": [");
     comma = "";
     for (uint32_t i = 0; i < s->record->n_frames; i++)
