@@ -15,11 +15,13 @@
 static const double ELSEWHERE = 0.12; /* px, rms, from the line where another line is seen */
 static const double RESOLVED = 2;     /* px: edges that are farther apart do not move each other */
 static const double SHARE = 0.5;      /* of the distance between them, by which they do, at most */
-static const double LEFT = 0.35; /* of what moved a line in views that are dropped, in others */
-static const double REACH = 3;   /* px: what is farther off is of something else */
-static const double WORTH = 0.7; /* dropping views must bring the square error to this share */
-static const double CLEAR = 2;   /* and they be this much worse, in variance */
-enum { LEAST = 4, STEP = 2 };    /* kept views of a run; steps of its search */
+static const double LEFT = 0.35;   /* of what moved a line in views that are dropped, in others */
+static const double REACH = 3;     /* px: what is farther off is of something else */
+static const double WORTH = 0.7;   /* dropping views must bring the square error to this share */
+static const double CLEAR = 2;     /* and they be this much worse, in variance */
+static const double OTHER = 0.5;   /* of the contrast, by which levels of two surfaces differ */
+static const double STRAYS = 0.25; /* of the views may have either level, in passing */
+enum { LEAST = 4, STEP = 2 };      /* kept views of a run; steps of its search */
 
 /* ---- which run ------------------------------------------------------------------------------ */
 
@@ -211,12 +213,12 @@ bool line_split(line *l, line *other, const scene *s) {
 }
 
 /* The variance of an estimate, mm²; also by the poses as they are reported, which fewer views
- * average less. */
-static double cost(const line *l, const scene *s) {
+ * average less, `memory` of which count as one. */
+static double cost(const line *l, const scene *s, double memory) {
     scene reported = *s;
     reported.noise.corrected = false;
     reported.rest = 0;
-    return uncertainty(l, s) + s->memory * uncertainty(l, &reported);
+    return uncertainty(l, s) + memory * uncertainty(l, &reported);
 }
 
 /* The square of how far apart two lines are at the worse end of a, mm². */
@@ -237,8 +239,41 @@ static double apart(const line *a, const line *b) {
     return worst;
 }
 
+/* The mean grey level of a side in the kept views. */
+static double mean_level(const line *l, int side) {
+    double sum = 0;
+    for (uint32_t i = 0; i < l->n_kept; i++)
+        sum += l->kept[i].level[side];
+    return sum / l->n_kept;
+}
+
+/* Whether few kept views saw a side on the other side of `level` than their mean is. */
+static bool keeps_to(const line *l, int side, double level) {
+    double mean = mean_level(l, side);
+    uint32_t across = 0;
+    for (uint32_t i = 0; i < l->n_kept; i++)
+        across += (l->kept[i].level[side] > level) != (mean > level);
+    return across < STRAYS * l->n_kept;
+}
+
+/* Whether the two saw other surfaces beside the edge: levels that differ by half the contrast. */
+static bool look_different(const line *a, const line *b) {
+    double mean[2][2];
+    for (int side = 0; side < 2; side++)
+        mean[0][side] = mean_level(a, side), mean[1][side] = mean_level(b, side);
+    double contrast = fmin(fabs(mean[0][1] - mean[0][0]), fabs(mean[1][1] - mean[1][0]));
+    for (int side = 0; side < 2; side++) {
+        double middle = (mean[0][side] + mean[1][side]) / 2;
+        if (fabs(mean[0][side] - mean[1][side]) > OTHER * contrast && keeps_to(a, side, middle) &&
+            keeps_to(b, side, middle))
+            return true;
+    }
+    return false;
+}
+
 /* The whole is off by what lies between it and the rest, beyond what chance explains. Of two that
- * are about as certain one cannot tell which is wrong. */
+ * are about as certain one cannot tell which is wrong. But when they look different, it is what
+ * they see that moves them, not the poses' slow noise, and the line has nothing of it. */
 void line_prune(line *l, const scene *s) {
     sums u;
     line best, other;
@@ -247,11 +282,14 @@ void line_prune(line *l, const scene *s) {
     if (r.from == r.to)
         return;
     part(l, s, &u, &r, &best, &other);
-    double dropped = cost(&best, s), off_by = apart(&best, l) - dropped;
-    if (dropped >= WORTH * cost(l, s) + fmax(off_by, 0) || cost(&other, s) < CLEAR * dropped)
+    bool different = look_different(&best, &other);
+    double memory = different ? 1 : s->memory;
+    double dropped = cost(&best, s, memory), off_by = apart(&best, l) - dropped;
+    if (dropped >= WORTH * cost(l, s, memory) + fmax(off_by, 0) ||
+        (!different && cost(&other, s, memory) < CLEAR * dropped))
         return;
     double variances;
     off(&best, &other, s, &variances);
-    best.blend = LEFT * LEFT * variances;
+    best.blend = different ? 0 : LEFT * LEFT * variances;
     memcpy(l, &best, sizeof *l);
 }

@@ -77,6 +77,7 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
     v->to = fmax(v->to, v->half);
     set_covariance(v, s.cov);
     v->misfit = s.chi2 > 0 ? 1 - 1 / s.chi2 : 0;
+    v->level[0] = s.lo, v->level[1] = s.hi;
     v->frame = 0;
     v->shift[0] = v->shift[1] = v->shift[2] = 0;
     v->left = 1;
@@ -84,12 +85,13 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
 }
 
 void view_turn(view *v) {
-    double from = v->from;
+    double from = v->from, left = v->level[0];
     for (int i = 0; i < 3; i++) {
         v->step[i] = -v->step[i];
         v->plane[i] = -v->plane[i];
     }
     v->from = -v->to, v->to = -from;
+    v->level[0] = v->level[1], v->level[1] = left;
     v->cov[1] = -v->cov[1];
 }
 

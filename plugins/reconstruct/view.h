@@ -24,6 +24,7 @@ typedef struct view {
     double from, to; /* px: the picture reaches from here to there along it */
     double cov[3];   /* of offset and angle, as of the segment: px², px rad, rad² */
     double misfit;   /* share of it that the edge's profile left unexplained */
+    double level[2]; /* grey levels on its left and on its right */
     uint32_t frame;  /* by number */
     double shift[3]; /* mm: by how much C seems off, from what the frame's other lines say; */
     double left;     /* and the share of the position's sigma that is left then */
