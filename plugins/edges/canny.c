@@ -19,8 +19,9 @@ static const double LOW = 6, HIGH = 7.5;
 static const double FLOOR_LOW = 2.25 / 255, FLOOR_HIGH = 2.6 / 255;
 /* px: the blur of a common lens, with the box of the pixel. */
 static const double LENS = 0.85;
-/* How many times the noise of pixels smeared noise can be; what is more is texture. */
-static const double SMEARED = 3;
+/* How many times the noise of pixels smeared noise can be; what is more is texture. In an enlarged
+ * picture the pixels tell nothing, so what is below a share of white always counts as noise. */
+static const double SMEARED = 3, FAINT = 5. / 255;
 
 struct canny {
     canny_params p;
@@ -99,7 +100,8 @@ static arris_image crop(const arris_image *im, const canny_region *r) {
 
 /* Sets the thresholds where they are automatic. */
 static void set_thresholds(canny *c, const arris_image *im, int white) {
-    double g = fmin(noise_of_gradients(im, white, c->p.sigma), SMEARED * (double)c->noise);
+    double most = fmax(SMEARED * (double)c->noise, FAINT * white);
+    double g = fmin(noise_of_gradients(im, white, c->p.sigma), most);
     g *= gradient_noise(&c->g);
     c->low = c->p.low >= 0 ? c->p.low : fmax(LOW * g, FLOOR_LOW * white);
     c->high = c->p.high >= 0 ? c->p.high : fmax(fmax(HIGH * g, FLOOR_HIGH * white), c->low);
