@@ -31,7 +31,8 @@ typedef struct entry {
 
 typedef struct link {
     int32_t track;
-    entry *e; /* NULL: the place is free */
+    uint32_t turn; /* of the frame; another one than the table's: the place is free */
+    entry *e;
 } link;
 
 struct scan {
@@ -47,8 +48,8 @@ struct scan {
     bool any_measured;        /* of the lines */
     bool all_linked;          /* `before` has the lines without a track, too */
     link *now, *before;       /* hashed by track: of this frame and of the one before */
-    uint32_t mask;
-    int32_t splits;  /* lines that began by a split */
+    uint32_t mask, turn;      /* turn: that of `now`; the one of `before` is less by 1 */
+    int32_t splits;           /* lines that began by a split */
     double weighted; /* mm: the noise of the positions by which the lines were last weighted */
     uint32_t next_weighing; /* when `frames` is this */
 };

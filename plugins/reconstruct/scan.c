@@ -29,6 +29,7 @@ scan *scan_new(const scan_params *p) {
                        .depth = TYPICAL_DEPTH};
     s->weighted = p->pose_sigma;
     s->newest = -1;
+    s->turn = 2; /* no place has it yet, nor the one before */
     s->pool = calloc(n, sizeof *s->pool);
     s->alive = calloc(n, sizeof(entry *));
     s->now = calloc(places, sizeof(link));
@@ -58,13 +59,23 @@ void scan_free(scan *s) {
 
 /* ---- tracks --------------------------------------------------------------------------------- */
 
-/* The link of the track, or the free place where it would stand. There are more places than lines.
- */
-static link *find(const scan *s, link *table, int32_t track) {
-    uint32_t i = (uint32_t)track * 2654435769u & s->mask;
-    while (table[i].e && table[i].track != track)
-        i = (i + 1) & s->mask;
+/* The link of the track, or the free place where it would stand: then its `e` is NULL. There are
+ * more places than lines. */
+static link *find(link *table, uint32_t mask, uint32_t turn, int32_t track) {
+    uint32_t i = (uint32_t)track * 2654435769u & mask;
+    while (table[i].turn == turn && table[i].track != track)
+        i = (i + 1) & mask;
+    if (table[i].turn != turn)
+        table[i] = (link){track, turn - 1, NULL};
     return &table[i];
+}
+
+static link *find_now(const scan *s, int32_t track) {
+    return find(s->now, s->mask, s->turn, track);
+}
+
+static link *find_before(const scan *s, int32_t track) {
+    return find(s->before, s->mask, s->turn - 1, track);
 }
 
 void entry_prepare(const scan *s, entry *e, int32_t id) {
@@ -92,16 +103,16 @@ static entry *earlier(scan *s, int32_t track) {
     if (track > s->newest)
         return NULL;
     for (uint32_t i = 0; !s->all_linked && i < s->n; i++) {
-        link *l = find(s, s->before, s->alive[i]->out.id);
+        link *l = find_before(s, s->alive[i]->out.id);
         if (!l->e && !s->alive[i]->leaving)
-            *l = (link){s->alive[i]->out.id, s->alive[i]};
+            *l = (link){s->alive[i]->out.id, s->turn - 1, s->alive[i]};
     }
     s->all_linked = true;
-    return find(s, s->before, track)->e;
+    return find_before(s, track)->e;
 }
 
 void scan_add(scan *s, int32_t track, view *v) {
-    entry *e = find(s, s->before, track)->e;
+    entry *e = find_before(s, track)->e;
     if (s->linked > s->mask / 2) {
         s->refused++;
         return;
@@ -119,7 +130,7 @@ void scan_add(scan *s, int32_t track, view *v) {
             frame_point(&e->l.f, e->l.x, view_place(v, &e->l.f, e->l.x, i ? v->half : -v->half),
                         e->stretch[i]);
     }
-    *find(s, s->now, track) = (link){track, e};
+    *find_now(s, track) = (link){track, s->turn, e};
     s->linked++;
     e->tracked = true;
     if (!v)
@@ -264,7 +275,7 @@ static void next_frame(scan *s) {
     s->lost = s->refused;
     s->linked = s->refused = 0;
     s->all_linked = false;
-    memset(s->now, 0, (s->mask + 1) * sizeof *s->now);
+    s->turn++;
     for (uint32_t i = 0; i < s->n; i++) {
         entry *e = s->alive[i];
         e->before = e->residual;
