@@ -11,7 +11,7 @@
 static const double GATE = 14;      /* chi-square of 2 degrees of freedom: one in a thousand */
 static const double FAR = 3;        /* px: a segment so far off is another edge's */
 static const double MOVED = 0.25;   /* squared sigmas after which all is linearised anew */
-static const double STANDS = 1e-6;  /* a step of fewer squared sigmas is the last one */
+static const double STANDS = 1e-4;  /* a step of fewer squared sigmas is the last one */
 static const double SWING = 5;      /* px of parallax: with less it is not observable */
 static const double ALONG = 0.0140; /* rad: nor when the camera moves this near its direction */
 static const double PARALLAX = 0.1; /* nor with a sigma above this share of its distance */

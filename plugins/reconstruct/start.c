@@ -12,6 +12,7 @@
 static const double PARALLEL = 1e-5; /* rad: planes closer than this don't meet */
 static const double HOLD = 0.01;     /* how much a guess may be moved, of its distance */
 static const double UNKNOWN = 1e6;   /* scale of residuals that a guess leaves */
+enum { PAIRS = 8, SAMPLE = 16 };     /* of views that are tried; views they are tried on */
 static const double ORIGIN[4] = {0};
 
 /* Completes f->u, f->X to a frame whose a points away from the camera at C. */
@@ -57,14 +58,14 @@ static int ascending(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* The median, over the kept views, of the squared Mahalanobis distance; `most` when it is not below
- * that, which half of the views tell. */
+/* The median of the squared Mahalanobis distance, over the kept views or a good sample of them;
+ * `most` when it is not below that, which half of the views tell. */
 static double median_distance(const line *l, const frame *f, const scene *s, double most) {
     double d[LINE_KEPT];
     linear r;
-    uint32_t n = l->n_kept, near = 0;
+    uint32_t step = 1 + l->n_kept / SAMPLE, n = 1 + (l->n_kept - 1) / step, near = 0;
     for (uint32_t i = 0; i < n; i++) {
-        bool ahead = view_linearise(&l->kept[i], f, ORIGIN, &s->noise, &r);
+        bool ahead = view_linearise(&l->kept[i * step], f, ORIGIN, &s->noise, &r);
         d[near] = ahead ? linear_distance(&r, NULL) : (double)INFINITY;
         near += d[near] < most;
         if (n - 1 - i + near <= n / 2)
@@ -83,7 +84,7 @@ bool line_start(line *l, const scene *s) {
     double best = (double)INFINITY;
     uint32_t n = l->n_kept;
     for (uint32_t part = 2; part <= 3; part++) /* planes that are far apart meet best */
-        for (uint32_t i = 0, far = n / part; far > 0 && i < n; i += 1 + n / 16) {
+        for (uint32_t i = 0, far = n / part; far > 0 && i < n; i += 1 + n / PAIRS) {
             frame f;
             if (!meet(&l->kept[i], &l->kept[(i + far) % n], &f))
                 continue;
