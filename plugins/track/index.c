@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * index.c: a grid of square cells over the picture (index.h). A segment stands in the cells of
- * points along it. The grid repeats itself, so that it has no border: what is far away may be taken
- * for near, which costs a look.
+ * index.c: the picture in bands, upright and level (index.h). Each has a set of the segments that
+ * reach into it, a bit a segment: what is near a place is in one of its upright bands and in one of
+ * its level ones. The bands repeat themselves, so that there is no border: what is far away may be
+ * taken for near, which costs a look.
  */
 #include "index.h"
 
@@ -10,25 +11,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CELL 32.0 /* px */
+#define BAND 16.0 /* px */
 #define FAR 1e6   /* px: no coordinate is beyond */
 
-enum {
-    SIDE = 64,
-    PLACES = 16 /* on average, of a segment */,
-    MOST_PLACES = 512,
-    FARTHEST = 3 /* cells */
-};
-
-typedef struct place {
-    uint32_t segment, next; /* next: counted from 1; 0: the last one */
-} place;
+enum { BANDS = 128, WORD = 64 };
 
 struct segment_index {
-    size_t max, n_places;
-    place *place;
-    uint32_t head[SIDE][SIDE], crowd; /* crowd: the segments that found no room, in every cell */
-    uint32_t *seen, turn;             /* by segment: the look that it was last found in */
+    size_t max, words; /* words: of a set */
+    uint64_t *set[2];  /* by band: upright, level */
     uint32_t *found;
 };
 
@@ -36,11 +26,12 @@ segment_index *index_new(size_t max) {
     segment_index *x = calloc(1, sizeof *x);
     if (!x)
         return NULL;
+    size_t words = max / WORD + 1;
     x->max = max;
-    x->place = calloc(max * (PLACES + 1), sizeof *x->place);
-    x->seen = calloc(max, sizeof *x->seen);
+    x->set[0] = calloc(BANDS * words, sizeof *x->set[0]);
+    x->set[1] = calloc(BANDS * words, sizeof *x->set[1]);
     x->found = calloc(max, sizeof *x->found);
-    if (x->place && x->seen && x->found)
+    if (x->set[0] && x->set[1] && x->found)
         return x;
     index_free(x);
     return NULL;
@@ -49,8 +40,8 @@ segment_index *index_new(size_t max) {
 void index_free(segment_index *x) {
     if (!x)
         return;
-    free(x->place);
-    free(x->seen);
+    free(x->set[0]);
+    free(x->set[1]);
     free(x->found);
     free(x);
 }
@@ -60,72 +51,52 @@ static bool usable(const arris_segment *s) {
            (s->x1 != s->x2 || s->y1 != s->y2);
 }
 
-static void enter(segment_index *x, uint32_t *head, uint32_t segment) {
-    if (*head > 0 && x->place[*head - 1].segment == segment)
-        return;
-    x->place[x->n_places++] = (place){segment, *head};
-    *head = (uint32_t)x->n_places;
+/* The bands from a to b, `margin` px around them included; *n is how many. */
+static int bands(double a, double b, double margin, int *n) {
+    double least = a < b ? a : b, most = a < b ? b : a;
+    int first = (int)floor((least - margin) / BAND), last = (int)floor((most + margin) / BAND);
+    *n = last - first < BANDS ? last - first + 1 : BANDS;
+    return first;
 }
 
-static uint32_t *cell(segment_index *x, int column, int row) {
-    return &x->head[row & (SIDE - 1)][column & (SIDE - 1)];
+static uint64_t *set_of(const segment_index *x, int direction, int band) {
+    return x->set[direction] + (size_t)(band & (BANDS - 1)) * x->words;
 }
 
-/* Steps of `pitch` px that lead along s, but not too many. */
-static int steps(const arris_segment *s, double pitch) {
-    return 1 + (int)fmin(hypot(s->x2 - s->x1, s->y2 - s->y1) / pitch, MOST_PLACES);
+static void enter(segment_index *x, int direction, double a, double b, uint32_t segment) {
+    int n, first = bands(a, b, 0, &n);
+    for (int k = first; k < first + n; k++)
+        set_of(x, direction, k)[segment / WORD] |= UINT64_C(1) << segment % WORD;
 }
 
 void index_fill(segment_index *x, const arris_segment *s, uint32_t n) {
-    memset(x->head, 0, sizeof x->head);
-    x->crowd = 0;
-    x->n_places = 0;
-    for (uint32_t i = 0; i < n && i < x->max; i++) {
-        x->seen[i] = 0;
-        if (!usable(&s[i]))
-            continue;
-        int m = steps(&s[i], CELL / 2);
-        if (x->n_places + (size_t)m + 1 > x->max * PLACES) {
-            enter(x, &x->crowd, i);
-            continue;
+    n = n < x->max ? n : (uint32_t)x->max;
+    x->words = n / WORD + 1;
+    memset(x->set[0], 0, BANDS * x->words * sizeof *x->set[0]);
+    memset(x->set[1], 0, BANDS * x->words * sizeof *x->set[1]);
+    for (uint32_t i = 0; i < n; i++)
+        if (usable(&s[i])) {
+            enter(x, 0, s[i].x1, s[i].x2, i);
+            enter(x, 1, s[i].y1, s[i].y2, i);
         }
-        double dx = (s[i].x2 - s[i].x1) / m, dy = (s[i].y2 - s[i].y1) / m;
-        for (int k = 0; k <= m; k++)
-            enter(x,
-                  cell(x, (int)floor((s[i].x1 + k * dx) / CELL),
-                       (int)floor((s[i].y1 + k * dy) / CELL)),
-                  i);
-    }
-    x->turn = 0;
-}
-
-static uint32_t collect(segment_index *x, uint32_t head, uint32_t n) {
-    for (; head > 0; head = x->place[head - 1].next) {
-        uint32_t i = x->place[head - 1].segment;
-        if (x->seen[i] == x->turn)
-            continue;
-        x->seen[i] = x->turn;
-        x->found[n++] = i;
-    }
-    return n;
 }
 
 const uint32_t *index_near(segment_index *x, const arris_segment *where, double reach,
                            uint32_t *n) {
-    x->turn++;
-    *n = collect(x, x->crowd, 0);
+    *n = 0;
     if (!usable(where))
         return x->found;
-    /* points are entered every half cell and looked for every cell: the nearest two of them are
-     * within 3/4 of a cell of the nearest two places */
-    int m = steps(where, CELL), r = (int)ceil(fmin((reach + 0.75 * CELL) / CELL, FARTHEST));
-    double dx = (where->x2 - where->x1) / m, dy = (where->y2 - where->y1) / m;
-    for (int k = 0; k <= m; k++) {
-        int column = (int)floor((where->x1 + k * dx) / CELL);
-        int row = (int)floor((where->y1 + k * dy) / CELL);
-        for (int i = -r; i <= r; i++)
-            for (int j = -r; j <= r; j++)
-                *n = collect(x, *cell(x, column + j, row + i), *n);
+    reach = reach < FAR ? reach : FAR;
+    int columns, rows, left = bands(where->x1, where->x2, reach, &columns),
+                       top = bands(where->y1, where->y2, reach, &rows);
+    for (size_t w = 0; w < x->words; w++) {
+        uint64_t upright = 0, level = 0;
+        for (int k = left; k < left + columns; k++)
+            upright |= set_of(x, 0, k)[w];
+        for (int k = top; upright && k < top + rows; k++)
+            level |= set_of(x, 1, k)[w];
+        for (uint64_t both = upright & level; both; both &= both - 1)
+            x->found[(*n)++] = (uint32_t)(w * WORD) + (uint32_t)__builtin_ctzll(both);
     }
     return x->found;
 }

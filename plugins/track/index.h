@@ -16,9 +16,8 @@ void index_free(segment_index *x); /* NULL is allowed */
 /* Enters n segments; what was in it is gone. Those that are points or not finite are left out. */
 void index_fill(segment_index *x, const arris_segment *s, uint32_t n);
 
-/* The numbers of those segments, each once, that come nearer than `reach` px to the segment
- * `where`, and of some others; *n is how many. Valid until the next call. No farther than 64 px.
- * The time it takes is that of looking around `where`. */
+/* The numbers, ascending, of those segments whose bounding rectangle comes nearer than `reach` px
+ * to that of the segment `where`, and of some others; *n is how many. Valid until the next call. */
 const uint32_t *index_near(segment_index *x, const arris_segment *where, double reach, uint32_t *n);
 
 #endif
