@@ -80,6 +80,9 @@ static double lens(const arris_camera *c, double x, double y, double d[2], doubl
 
 void arris_distort(const arris_camera *c, double x, double y, double *u, double *v) {
     double d[2], J[3];
+    *u = x, *v = y;
+    if (!arris_camera_distorts(c))
+        return;
     normalise(c, x, y, &x, &y);
     lens(c, x, y, d, J);
     to_pixel(c, d[0], d[1], u, v);

@@ -17,19 +17,22 @@ static const double SLANT = 0.05;     /* rad: and within this of the line's dire
 static const double SHARE = 0.8;      /* of a line's views that another line must explain */
 static const double INDISTINCT = 0.2; /* px: nearer than this, edges are not told apart */
 
-/* The place on l of the point P, and its offsets along l's a and b. */
-static double place_of(const line *l, const double P[3], double offset[2]) {
-    double A[3], B[3], u[3], d[3];
+/* The places on l of two points, and their offsets along l's a and b. */
+static void place_on(const line *l, double P[2][3], double place[2], double offset[4]) {
+    double A[3], B[3], u[3];
     frame_point(&l->f, l->x, -1, A);
     frame_point(&l->f, l->x, 1, B);
     for (int i = 0; i < 3; i++)
-        u[i] = B[i] - A[i], d[i] = P[i] - A[i];
-    double length = arris_unit(u), along = arris_dot(u, d);
-    for (int i = 0; i < 3; i++)
-        d[i] -= along * u[i];
-    offset[0] = arris_dot(d, l->f.a);
-    offset[1] = arris_dot(d, l->f.b);
-    return 2 * along / length - 1;
+        u[i] = B[i] - A[i];
+    double length = arris_unit(u);
+    for (int k = 0; k < 2; k++) {
+        double d[3] = {P[k][0] - A[0], P[k][1] - A[1], P[k][2] - A[2]}, along = arris_dot(u, d);
+        for (int i = 0; i < 3; i++)
+            d[i] -= along * u[i];
+        offset[2 * k] = arris_dot(d, l->f.a);
+        offset[2 * k + 1] = arris_dot(d, l->f.b);
+        place[k] = 2 * along / length - 1;
+    }
 }
 
 /* Adds to A the covariance P of offsets along from->a, from->b, turned to those along to->a, to->b.
@@ -59,18 +62,16 @@ static bool near(const double offset[4], double limit, bool depth) {
 }
 
 bool line_same(const line *a, const line *b, const scene *s, bool turned) {
-    double place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]};
+    double P[2][3], place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]};
     if (a->parted || b->parted) /* it was told apart when its uncertainty was its own */
         return false;
     if (fabs(arris_dot(a->f.u, b->f.u)) < COS_APART)
         return false;
     if (turned && arris_dot(a->kept[a->n_kept - 1].step, b->kept[b->n_kept - 1].step) > 0)
         return false; /* an estimate is, the edge is not */
-    for (int i = 0; i < 2; i++) {
-        double P[3];
-        frame_point(&b->f, b->x, ends[i], P);
-        place[i] = place_of(a, P, offset + 2 * i);
-    }
+    for (int i = 0; i < 2; i++)
+        frame_point(&b->f, b->x, ends[i], P[i]);
+    place_on(a, P, place, offset);
     if (!overlaps(a, b, place) || !near(offset, NEAR * a->depth, a->settled))
         return false;
     mat4 S = line_covariance(a, s, a->prior, place), C = line_covariance(b, s, b->prior, ends),

@@ -118,10 +118,9 @@ static bool contradicts(const forecast *line, const track *k, const viewpoint *v
 
 static void forecast_one(tracker *t, track *k, const viewpoint *v) {
     const known *l = find_known(t, k->line);
-    bool posed = k->s.length > 0, swept = posed && sweep_forecast(&k->s, v, &k->next);
-    bool trusted = l && l->visible &&
-                   (!swept || (forecast_reach(&l->f) < t->p.box &&
-                               (asleep(t, k) || !contradicts(&l->f, k, v))));
+    bool good = l && l->visible && forecast_reach(&l->f) < t->p.box, sure = good && asleep(t, k);
+    bool posed = k->s.length > 0, swept = posed && !sure && sweep_forecast(&k->s, v, &k->next);
+    bool trusted = l && l->visible && (!swept || (good && !contradicts(&l->f, k, v)));
     if (trusted)
         k->next = l->f;
     else if (!posed && !l)
