@@ -11,6 +11,8 @@
 #include "scan.h"
 #include "shift.h"
 
+enum { ESTABLISHED = 10 }; /* views after which a line is no accident */
+
 typedef struct entry {
     line l;
     arris_line out;

@@ -47,7 +47,7 @@ static enum arris_line_state state(const line *l, const scene *s, const mat4 *P,
     if (!l->settled || !line_observable(l))
         return ARRIS_UNOBSERVABLE;
     bool sure = across(P, 0) < allowed && across(P, 2) < allowed;
-    return sure && !strays(l, s) && !along(l, NARROW) ? ARRIS_MEASURED : ARRIS_WEAK;
+    return sure && !l->parted && !strays(l, s) && !along(l, NARROW) ? ARRIS_MEASURED : ARRIS_WEAK;
 }
 
 /* The covariance of (p, q): P across the line, END along it. */

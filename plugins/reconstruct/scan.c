@@ -8,7 +8,6 @@
 
 #include "entries.h"
 
-enum { ESTABLISHED = 10 };                /* views after which a line is no accident */
 enum { SHIFTS = 4096 };                   /* frames whose poses are corrected apart */
 static const double CHANGED = 0.3;        /* relative, of the noise's variance */
 static const double INDISTINCT = 1e-5;    /* of the depth: less of it does not show */

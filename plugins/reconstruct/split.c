@@ -20,7 +20,7 @@ static const double REACH = 3;     /* px: what is farther off is of something el
 static const double WORTH = 0.7;   /* dropping views must bring the square error to this share */
 static const double CLEAR = 2;     /* and they be this much worse, in variance */
 static const double OTHER = 0.5;   /* of the contrast, by which levels of two surfaces differ */
-static const double STRAYS = 0.25; /* of the views may have either level, in passing */
+static const double STRAYS = 0.33; /* of the views may have either level, in passing */
 enum { LEAST = 4, STEP = 2 };      /* kept views of a run; steps of its search */
 
 /* ---- which run ------------------------------------------------------------------------------ */

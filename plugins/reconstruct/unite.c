@@ -82,13 +82,16 @@ void unite_merge(scan *s) {
 
 /* ---- splitting ------------------------------------------------------------------------------ */
 
-/* Two lines where the track went over to another edge. False where it did not. */
+/* Two lines where the track went over to another edge, unless that was seen too rarely. False where
+ * it did not. */
 static bool split(scan *s, entry *e) {
     if (s->n == (uint32_t)s->p.max_lines)
         return false;
     entry *o = s->alive[s->n];
     if (!line_split(&e->l, &o->l, &s->scene))
         return false;
+    if (o->l.seen < ESTABLISHED)
+        return true;
     entry_prepare(s, o, SPLIT + s->splits++);
     o->changed = true;
     s->n++;
