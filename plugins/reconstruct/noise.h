@@ -25,8 +25,11 @@ void noise_end_frame(noise *n);
 /* sigma of the camera's position in a view, mm, as far as it shows in more than one line. */
 double noise_position(const noise *n);
 
-/* How many successive views count as one: (1 + rho) / (1 - rho) of an autoregressive process with
- * the residuals' correlation rho from frame to frame. */
+/* How many successive values of an autoregressive process count as one, whose correlation from one
+ * to the next is rho: (1 + rho) / (1 - rho), of a rho from 0 to 0.9. */
+double memory_of(double rho);
+
+/* How many successive views do, by the lines' residuals. */
 double noise_memory(const noise *n);
 
 #endif

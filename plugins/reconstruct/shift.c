@@ -5,6 +5,8 @@
  */
 #include "shift.h"
 
+#include "noise.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,7 +14,6 @@
 static const double BIAS = 0.05; /* px, of any line: what it sees of its surroundings */
 static const double OUTLIER = 3; /* sigmas from which a line counts less */
 static const double CHANCE = 2;  /* sigmas of a correlation that is none */
-static const double MOST_CORRELATED = 0.9;
 enum { EM_STEPS = 3 };
 
 /* A shift d of a frame: A d = v. */
@@ -154,8 +155,7 @@ double shifts_memory(const shifts *t) {
     double rho = square > 0 ? product / square : 0;
     if (n < 3 || rho < CHANCE / sqrt(n))
         return 1;
-    rho = pow(fmin(rho, MOST_CORRELATED), (n - 1) / gaps);
-    return (1 + rho) / (1 - rho);
+    return memory_of(pow(rho, (n - 1) / gaps));
 }
 
 /* As if the prior had been the inverse of S. */

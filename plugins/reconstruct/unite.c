@@ -7,12 +7,11 @@
 
 #include "entries.h"
 
-enum { SPLIT = 1 << 30 };          /* the first id of a line that began by a split */
-enum { ROUNDS = 16 };              /* of splitting at the end, at most */
-enum { CORRECTIONS = 3 };          /* of the poses, in the first */
-static const double SUDDEN = 40;   /* chi-square over the noise's by which views contradict */
-static const double WORST = 0.9;   /* of the most */
-static const double EXPLAINED = 1; /* the variance of what is left over the expected one */
+enum { SPLIT = 1 << 30 };        /* the first id of a line that began by a split */
+enum { ROUNDS = 16 };            /* of splitting at the end, at most */
+enum { CORRECTIONS = 3 };        /* of the poses, in the first */
+static const double SUDDEN = 40; /* chi-square over the noise's by which views contradict */
+static const double WORST = 0.9; /* of the most */
 
 /* ---- merging -------------------------------------------------------------------------------- */
 
@@ -139,15 +138,16 @@ static void correct_frames(scan *s) {
     refine_settled(s);
 }
 
-/* Whether shifts explain what the lines see; else the rotations are wrong as well. */
+/* Whether shifts explain what the lines see, by the geometric mean of what they leave over what is
+ * expected; else the rotations are wrong as well. */
 static bool shifts_explain(const scan *s) {
-    double sum = 0, n = 0;
+    double sum = 0;
     for (uint32_t i = 0; i < s->n; i++) {
         const line *l = &s->alive[i]->l;
         if (entry_counts(s, s->alive[i]) && l->all.weight > 2)
-            sum += log(line_chi2(l) / (2 * l->all.weight - 4) + 1e-3), n++;
+            sum += log(line_chi2(l) / (2 * l->all.weight - 4) + 1e-3);
     }
-    return sum < log(EXPLAINED) * n;
+    return sum < 0;
 }
 
 /* What changes slowly, and how large the noise is. */
