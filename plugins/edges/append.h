@@ -16,6 +16,7 @@
 enum { BATCH = EDGELS_BATCH };
 
 typedef float four __attribute__((vector_size(16)));
+typedef int16_t eight_shorts __attribute__((vector_size(16)));
 
 /* Appends to g->found the pixels of the middle of three rows whose bits are set, from column x on,
  * but those whose gradient is below `low`. */
@@ -121,15 +122,24 @@ INLINE void points(const edgel_row *e, int32_t i, float unit, float x, float y,
     }
 }
 
+/* Columns and octants of eight edgels of a row, from the i-th on. */
+INLINE void items(const edgel_row *e, int32_t i, edgel *out) {
+    eight_shorts x, gx, gy, here, octant, both[2];
+    memcpy(&x, e->x + i, sizeof x);
+    memcpy(&gx, e->gx + i, sizeof gx);
+    memcpy(&gy, e->gy + i, sizeof gy);
+    memcpy(&here, e->here + i, sizeof here);
+    octant = (here & 1) << 2 | (gx >> 15 & 2) | (gy >> 15 & 1);
+    both[0] = __builtin_shufflevector(x, octant, 0, 8, 1, 9, 2, 10, 3, 11);
+    both[1] = __builtin_shufflevector(x, octant, 4, 12, 5, 13, 6, 14, 7, 15);
+    memcpy(out, both, sizeof both);
+}
+
 /* Appends the row's edgels to `e`, which has room for BATCH more. */
 INLINE void append_row(const edgel_row *row, float unit, float x, float y, edgels *e) {
     for (int32_t i = 0; i < row->n; i += BATCH) {
-        edgel *item = e->item + e->n + i;
-        for (int k = 0; k < BATCH; k++) {
-            item[k].x = (uint16_t)row->x[i + k];
-            item[k].octant = (uint16_t)((row->here[i + k] & 1) << 2 | (row->gx[i + k] < 0) << 1 |
-                                        (row->gy[i + k] < 0));
-        }
+        for (int k = 0; k < BATCH; k += 8)
+            items(row, i + k, e->item + e->n + i + k);
         points(row, i, unit, x, y, e->point + e->n + i);
     }
     e->n += (uint32_t)row->n;

@@ -221,9 +221,9 @@ static uint32_t find_starts(linker *l, uint32_t n) {
     return found;
 }
 
-/* Walks one chain from edgel i on, and uses it up. */
-static void walk(linker *l, const edgels *e, uint32_t i, bool closed, float high2,
-                 uint32_t min_length, arris_edges *out) {
+/* Walks one chain from edgel i on, and uses it up. Returns how many edgels it has. */
+static uint32_t walk(linker *l, const edgels *e, uint32_t i, bool closed, float high2,
+                     uint32_t min_length, arris_edges *out) {
     arris_edge_point *point = out->point + out->n;
     uint32_t room = out->max - out->n, n = 0;
     float most = 0;
@@ -239,16 +239,17 @@ static void walk(linker *l, const edgels *e, uint32_t i, bool closed, float high
         i = next;
     }
     if (most < high2 || n < min_length)
-        return;
+        return n;
     uint32_t kept = n < room ? n : room;
     out->lost += n - kept;
     if (out->n_chains == out->max_chains || kept < min_length) {
         out->lost_chains++;
         out->lost += kept;
-        return;
+        return n;
     }
     out->chain[out->n_chains++] = (arris_chain){out->n, kept, closed && kept == n};
     out->n += kept;
+    return n;
 }
 
 /* Asks for what chains from edgel i on will need: they leap from row to row, and where there is too
@@ -262,12 +263,12 @@ static void prepare(const linker *l, const edgels *e, uint32_t i, uint32_t *read
 }
 
 void link_chains(linker *l, const edgels *e, float high, uint32_t min_length, arris_edges *out) {
-    uint32_t n = find_starts(l, e->n), ready = e->n > NEARBY ? 0 : e->n;
+    uint32_t n = find_starts(l, e->n), left = e->n, ready = e->n > NEARBY ? 0 : e->n;
     for (uint32_t i = 0; i < n; i++) {
         prepare(l, e, l->start[i], &ready);
-        walk(l, e, l->start[i], false, high * high, min_length, out);
+        left -= walk(l, e, l->start[i], false, high * high, min_length, out);
     }
-    for (uint32_t i = 0; i < e->n; i++)
+    for (uint32_t i = 0; left > 0; i++)
         if (l->to[i].prev != DONE)
-            walk(l, e, i, true, high * high, min_length, out);
+            left -= walk(l, e, i, true, high * high, min_length, out);
 }
