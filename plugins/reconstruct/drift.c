@@ -14,12 +14,16 @@ static const double PRIOR_DOF = 4; /* weight of the expected size against the pa
 enum { PARTS = 8, LEAST = 3 };     /* parts: at most, at least */
 
 void line_groups(const line *l, const scene *s, info group[LINE_KEPT]) {
-    linear r;
+    linears r;
+    linear one;
     for (uint32_t i = 0; i < l->n_kept; i++) {
+        if (i % VIEWS == 0)
+            views_linearise(&l->kept[i], l->n_kept - i, 1, &l->f, l->x, &s->noise, &r);
         group[i] = l->rest[i];
-        info_weigh(&group[i], line_rest_weight(l, s));
-        if (l->inlier[i] && view_linearise(&l->kept[i], &l->f, l->x, &s->noise, &r))
-            info_add(&group[i], &r, l->x);
+        if (group[i].n > 0)
+            info_weigh(&group[i], line_rest_weight(l, s));
+        if (l->inlier[i] && views_pick(&r, i % VIEWS, &one))
+            info_add(&group[i], &one, l->x);
     }
 }
 

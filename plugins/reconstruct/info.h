@@ -20,6 +20,9 @@ typedef struct info {
 /* Adds a view that was linearised about x: J (x' - x) + r = 0, weighted by its covariance. */
 void info_add(info *in, const linear *l, const double x[4]);
 
+/* The same of those that are taken of several views. */
+void info_add_views(info *in, const linears *l, const bool take[VIEWS], const double x[4]);
+
 /* Adds b to a. */
 void info_sum(info *a, const info *b);
 

@@ -170,31 +170,35 @@ bool line_observable(const line *l) {
 
 /* ---- fitting -------------------------------------------------------------------------------- */
 
-/* Whether a view, linear about the estimate, agrees with it; `P` as for linear_distance. */
-static bool agrees(const line *l, linear *r, const mat4 *P) {
-    r->distance = linear_distance(r, P);
-    return r->distance < GATE * l->scale && fabs(r->r[0]) < FAR && fabs(r->r[1]) < FAR;
+/* Whether a view agrees with the estimate that is so far from it: squared sigmas, and px at both
+ * ends. */
+static bool agrees(const line *l, double distance, double r0, double r1) {
+    return distance < GATE * l->scale && fabs(r0) < FAR && fabs(r1) < FAR;
 }
 
 info line_past(const line *l, const scene *s) {
     info sum = {0};
     for (uint32_t i = 0; i < l->n_kept; i++)
-        info_sum(&sum, &l->rest[i]);
+        if (l->rest[i].n > 0)
+            info_sum(&sum, &l->rest[i]);
     info_weigh(&sum, line_rest_weight(l, s));
     return sum;
 }
 
 /* Sums past and kept views, linearised about l->x. */
 static void gather(line *l, const scene *s) {
-    linear r;
+    linears r;
     l->all = line_past(l, s);
-    for (uint32_t i = 0; i < l->n_kept; i++) {
-        l->inlier[i] =
-            view_linearise(&l->kept[i], &l->f, l->x, &s->noise, &r) && agrees(l, &r, NULL);
-        if (!l->inlier[i])
-            continue;
-        info_add(&l->all, &r, l->x);
-        l->depth = r.depth;
+    for (uint32_t i = 0; i < l->n_kept; i += VIEWS) {
+        uint32_t n = l->n_kept - i < VIEWS ? l->n_kept - i : VIEWS;
+        bool take[VIEWS] = {false};
+        views_linearise(&l->kept[i], n, 1, &l->f, l->x, &s->noise, &r);
+        for (uint32_t k = 0; k < n; k++) {
+            take[k] = agrees(l, r.distance[k], r.r[0][k], r.r[1][k]);
+            l->inlier[i + k] = take[k];
+            l->depth = take[k] ? r.depth[k] : l->depth;
+        }
+        info_add_views(&l->all, &r, take, l->x);
     }
     memcpy(l->at, l->x, sizeof l->at);
 }
@@ -330,7 +334,8 @@ static int keep(line *l, const view *v, const scene *s) {
 
 /* Adds a view to a settled line. */
 static bool update(line *l, const view *v, int kept, const scene *s, linear *r) {
-    if (!view_linearise(v, &l->f, l->x, &s->noise, r) || !agrees(l, r, &l->cov)) {
+    if (!view_linearise(v, &l->f, l->x, &s->noise, r) ||
+        !agrees(l, linear_distance(r, &l->cov), r->r[0], r->r[1])) {
         l->rejected++;
         l->settled = 2 * l->rejected < l->seen;
         return false;

@@ -85,30 +85,36 @@ bool line_same(const line *a, const line *b, const scene *s, bool turned) {
     return mat4_invert(&S, &inverse) && mat4_form(&inverse, offset, offset) < GATE;
 }
 
-/* Whether what was seen in v is on the line, along it and no farther off than the noise. `pixel` is
- * what one measures, rad. */
-static bool stands_on(const line *a, const view *v, double pixel, const scene *s) {
+/* How many of n views, every stride-th from the first on, are not on the line, along it and no
+ * farther off than the noise. `pixel` is what one measures, rad. */
+static uint32_t missed_by(const line *a, const view *v, uint32_t n, uint32_t stride, double pixel,
+                          const scene *s) {
+    linears all;
     linear r;
-    if (!view_linearise(v, &a->f, a->x, &s->noise, &r))
-        return false;
-    double middle = (r.s[0] + r.s[1]) / 2, length = (r.s[1] - r.s[0]) * a->f.h;
-    return length > COS_TURN * 2 * v->half * pixel * r.depth && a->ends[0] < middle &&
-           middle < a->ends[1] && linear_distance(&r, &a->cov) < GATE * a->scale &&
-           fabs(r.r[0]) < CLOSE && fabs(r.r[1]) < CLOSE;
+    uint32_t missed = 0;
+    views_linearise(v, n, stride, &a->f, a->x, &s->noise, &all);
+    for (uint32_t k = 0; k < n; k++) {
+        double middle = (all.s[0][k] + all.s[1][k]) / 2;
+        double length = (all.s[1][k] - all.s[0][k]) * a->f.h;
+        bool on = fabs(all.r[0][k]) < CLOSE && fabs(all.r[1][k]) < CLOSE &&
+                  length > COS_TURN * 2 * v[k * stride].half * pixel * all.depth[k] &&
+                  a->ends[0] < middle && middle < a->ends[1] && views_pick(&all, k, &r) &&
+                  linear_distance(&r, &a->cov) < GATE * a->scale;
+        missed += !on;
+    }
+    return missed;
 }
 
 bool line_explains(const line *a, const line *b, const scene *s) {
-    uint32_t missed = 0;
+    uint32_t missed = 0, n = b->n_kept;
     double moved = line_baseline(b), swing = b->swing[1] - b->swing[0];
     double pixel = sqrt(arris_dot(b->kept[0].step, b->kept[0].step)); /* rad */
     if (moved < FAR * a->depth || swing * a->depth > SLANT * moved)
         return false;
-    double may_miss = (1 - SHARE) * b->n_kept;
-    uint32_t last = b->n_kept - 1; /* mostly three views tell that it does not */
-    if (!stands_on(a, &b->kept[last], pixel, s) && !stands_on(a, &b->kept[last / 2], pixel, s) &&
-        !stands_on(a, &b->kept[0], pixel, s))
+    double may_miss = (1 - SHARE) * n;
+    if (missed_by(a, b->kept, 3, (n - 1) / 2, pixel, s) == 3) /* mostly three views tell */
         return false;
-    for (uint32_t i = 0; i < b->n_kept && missed <= may_miss; i++)
-        missed += !stands_on(a, &b->kept[i], pixel, s);
+    for (uint32_t i = 0; i < n && missed <= may_miss; i += VIEWS)
+        missed += missed_by(a, &b->kept[i], n - i < VIEWS ? n - i : VIEWS, 1, pixel, s);
     return missed <= may_miss;
 }

@@ -62,11 +62,12 @@ static int ascending(const void *a, const void *b) {
  * `most` when it is not below that, which half of the views tell. */
 static double median_distance(const line *l, const frame *f, const scene *s, double most) {
     double d[LINE_KEPT];
-    linear r;
+    linears r;
     uint32_t step = 1 + l->n_kept / SAMPLE, n = 1 + (l->n_kept - 1) / step, near = 0;
     for (uint32_t i = 0; i < n; i++) {
-        bool ahead = view_linearise(&l->kept[i * step], f, ORIGIN, &s->noise, &r);
-        d[near] = ahead ? linear_distance(&r, NULL) : (double)INFINITY;
+        if (i % VIEWS == 0)
+            views_linearise(&l->kept[i * step], n - i, step, f, ORIGIN, &s->noise, &r);
+        d[near] = r.distance[i % VIEWS];
         near += d[near] < most;
         if (n - 1 - i + near <= n / 2)
             return most;

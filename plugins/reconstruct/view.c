@@ -95,8 +95,7 @@ void view_turn(view *v) {
     v->cov[1] = -v->cov[1];
 }
 
-/* The line is M + s D. */
-static void middle(const frame *f, const double x[4], double M[3], double D[3]) {
+void frame_line(const frame *f, const double x[4], double M[3], double D[3]) {
     for (int i = 0; i < 3; i++) {
         M[i] = f->X[i] + (x[0] + x[2]) / 2 * f->a[i] + (x[1] + x[3]) / 2 * f->b[i];
         D[i] = f->h * f->u[i] + (x[2] - x[0]) / 2 * f->a[i] + (x[3] - x[1]) / 2 * f->b[i];
@@ -105,112 +104,23 @@ static void middle(const frame *f, const double x[4], double M[3], double D[3]) 
 
 void frame_point(const frame *f, const double x[4], double s, double P[3]) {
     double D[3];
-    middle(f, x, P, D);
+    frame_line(f, x, P, D);
     for (int i = 0; i < 3; i++)
         P[i] += s * D[i];
 }
 
 /* As arris_line_at has it, in units of D. */
-static double place(const view *v, const double C[3], const double M[3], const double D[3],
-                    double px) {
-    double d[3], w[3], n[3], m[3];
+double view_place(const view *v, const frame *f, const double x[4], double px) {
+    double M[3], D[3], d[3], w[3], n[3], m[3];
+    frame_line(f, x, M, D);
     for (int i = 0; i < 3; i++) {
         d[i] = v->ray[i] + px * v->step[i];
-        w[i] = C[i] - M[i];
+        w[i] = v->C[i] - M[i];
     }
     arris_cross(D, d, n);
     arris_cross(w, d, m);
     double s2 = arris_dot(n, n);
     return s2 > PARALLEL ? arris_dot(m, n) / s2 : (double)NAN;
-}
-
-double view_place(const view *v, const frame *f, const double x[4], double px) {
-    double M[3], D[3];
-    middle(f, x, M, D);
-    return place(v, v->C, M, D, px);
-}
-
-/* The variances at -half and half from those of offset and angle, to which the noise of the pose
- * adds: moving the camera by d moves the offset by plane d / depth, turning it moves the offset by
- * at most |plane| |ray| and turns the picture. */
-static void covariance(const view *v, const pose_noise *noise, linear *l) {
-    double position = noise->position * (noise->corrected ? v->left : 1) / l->depth;
-    double rotation = noise->rotation * noise->rotation;
-    double offset = v->cov[0] + arris_dot(v->plane, v->plane) *
-                                    (position * position + arris_dot(v->ray, v->ray) * rotation);
-    double bend = v->half * v->half * (v->cov[2] + rotation), mixed = 2 * v->half * v->cov[1];
-    l->cov[0] = offset - mixed + bend;
-    l->cov[1] = offset - bend;
-    l->cov[2] = offset + mixed + bend;
-    l->misfit = v->misfit * (v->cov[0] + v->half * v->half * v->cov[2]) / (offset + bend);
-}
-
-/* What v->plane would be for a segment that lies on the picture of the line M + s D. It is taken
- * for the derivatives in the place of v->plane: so they do not have the noise of the segment in
- * them, and are 0 in the directions of which the view tells nothing. */
-static void predicted_plane(const view *v, const double C[3], const double M[3], const double D[3],
-                            double plane[3]) {
-    double d[3] = {M[0] - C[0], M[1] - C[1], M[2] - C[2]};
-    arris_cross(d, D, plane);
-    double scale = arris_dot(v->plane, v->plane) / arris_dot(v->plane, plane);
-    for (int i = 0; i < 3; i++)
-        plane[i] *= scale;
-}
-
-/* A value at either end of the segment. */
-typedef double ends __attribute__((vector_size(16)));
-
-static ends dot_ends(const double a[3], const ends b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross_ends(const double a[3], const ends b[3], ends c[3]) {
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-/* As `place` at both ends. */
-static ends places(const view *v, const double C[3], const double M[3], const double D[3]) {
-    const ends px = {-v->half, v->half};
-    ends d[3], n[3], m[3];
-    double w[3];
-    for (int i = 0; i < 3; i++) {
-        d[i] = v->ray[i] + px * v->step[i];
-        w[i] = C[i] - M[i];
-    }
-    cross_ends(D, d, n);
-    cross_ends(w, d, m);
-    ends s2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
-    ends s = (m[0] * n[0] + m[1] * n[1] + m[2] * n[2]) / s2;
-    return s2[0] > PARALLEL && s2[1] > PARALLEL ? s : s * (double)NAN;
-}
-
-bool view_linearise(const view *v, const frame *f, const double x[4], const pose_noise *noise,
-                    linear *l) {
-    double C[3], M[3], D[3], plane[3];
-    ends P[3];
-    for (int i = 0; i < 3; i++)
-        C[i] = v->C[i] + (noise->corrected ? v->shift[i] : 0);
-    middle(f, x, M, D);
-    predicted_plane(v, C, M, D, plane);
-    double a = arris_dot(plane, f->a), b = arris_dot(plane, f->b);
-    ends s = places(v, C, M, D);
-    for (int i = 0; i < 3; i++)
-        P[i] = M[i] + s * D[i] - C[i];
-    ends z = dot_ends(v->axis, P), r = dot_ends(v->plane, P) / z;
-    if (!(z[0] > 0 && z[1] > 0))
-        return false;
-    ends p = (1 - s) / 2, q = (1 + s) / 2, J[4] = {p * a / z, p * b / z, q * a / z, q * b / z};
-    for (int k = 0; k < 2; k++) {
-        l->r[k] = r[k];
-        l->s[k] = s[k];
-        for (int i = 0; i < 4; i++)
-            l->J[k][i] = J[i][k];
-    }
-    l->depth = z[0] / 2 + z[1] / 2;
-    covariance(v, noise, l);
-    return true;
 }
 
 double linear_distance(const linear *l, const mat4 *P) {

@@ -45,11 +45,18 @@ typedef struct pose_noise {
 
 /* A view, linear about some parameters: the distances r (px) of the line, to the right of the
  * segment, at the segment's two ends; their derivatives by the four parameters, their variances and
- * covariance (px²), the share of these that is misfit, and where on the line the ends are.
- * `distance` is for linear_distance's result. */
+ * covariance (px²), the share of these that is misfit, and where on the line the ends are. */
 typedef struct linear {
-    double r[2], J[2][4], cov[3], misfit, s[2], depth, distance;
+    double r[2], J[2][4], cov[3], misfit, s[2], depth;
 } linear;
+
+/* As many views at once, with the view as the last index; and their squared Mahalanobis distances
+ * (linear_distance): NAN for a view that the line is not in front of where its segment is. */
+enum { VIEWS = 4 };
+typedef struct linears {
+    double r[2][VIEWS], J[2][4][VIEWS], cov[3][VIEWS], misfit[VIEWS], s[2][VIEWS], depth[VIEWS];
+    double distance[VIEWS];
+} linears;
 
 /* The view of a segment in pixels of the camera `c`, whose lens is taken out of them when it
  * distorts, from `pose`. `picture` is x0, y0, x1, y1, in ideal pixels, of what the camera surely
@@ -61,6 +68,9 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
 /* The same view of an edge whose polarity is the other: it runs the other way. */
 void view_turn(view *v);
 
+/* The line is M + s D. */
+void frame_line(const frame *f, const double x[4], double M[3], double D[3]);
+
 /* The point of the line at s. */
 void frame_point(const frame *f, const double x[4], double s, double P[3]);
 
@@ -71,6 +81,14 @@ double view_place(const view *v, const frame *f, const double x[4], double px);
 /* False when the line is not in front of the camera where the segment is. */
 bool view_linearise(const view *v, const frame *f, const double x[4], const pose_noise *noise,
                     linear *l);
+
+/* The same of n views, at most VIEWS: of every stride-th from the first on. Beyond these, *l has
+ * the first again. */
+void views_linearise(const view *first, uint32_t n, uint32_t stride, const frame *f,
+                     const double x[4], const pose_noise *noise, linears *l);
+
+/* The one of index k; false as view_linearise. */
+bool views_pick(const linears *l, uint32_t k, linear *one);
 
 /* Squared Mahalanobis distance of l->r, 2 degrees of freedom. `P` is the covariance of parameters
  * that this view had no part in, else NULL. */
