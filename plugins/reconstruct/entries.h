@@ -14,8 +14,6 @@
 enum { ESTABLISHED = 10 }; /* views after which a line is no accident */
 
 typedef struct entry {
-    line l;
-    arris_line out;
     bool tracked;         /* by a track that is alive */
     bool changed;         /* got a view in this frame */
     bool agreed;          /* that was where it was expected */
@@ -29,6 +27,8 @@ typedef struct entry {
     double residual;      /* of this frame's view; 0: none */
     double before;        /* of the frame before */
     double told[6];       /* the ends when they were last said to have moved */
+    arris_line out;
+    line l; /* last: it is large, and the rest is asked every frame */
 } entry;
 
 typedef struct link {

@@ -78,7 +78,7 @@ static link *find_before(const scan *s, int32_t track) {
 }
 
 void entry_prepare(const scan *s, entry *e, int32_t id) {
-    memset(&e->out, 0, sizeof *e - offsetof(entry, out));
+    memset(e, 0, offsetof(entry, l));
     e->l.id = e->out.id = id;
     e->out.into = -1;
     e->next_merge = (uint32_t)s->p.min_views;

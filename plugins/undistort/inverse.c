@@ -38,8 +38,8 @@ INLINE void solve(const lens *c, eight *u, eight *v, eight_ints *good) {
         eight ax = x + q[0], ay = y + q[1];
         lens_displace(c, &ax, &ay, d, J);
         J[0] += 1, J[2] += 1;
-        eight det = J[0] * J[2] - J[1] * J[1], ex = q[0] + d[0], ey = q[1] + d[1];
-        sx = (J[2] * ex - J[1] * ey) / det, sy = (J[0] * ey - J[1] * ex) / det;
+        eight det = J[0] * J[2] - J[1] * J[1], ex = q[0] + d[0], ey = q[1] + d[1], one = 1 / det;
+        sx = (J[2] * ex - J[1] * ey) * one, sy = (J[0] * ey - J[1] * ex) * one;
         q[0] -= sx, q[1] -= sy;
         *good &= det > 0;
     }
