@@ -358,8 +358,11 @@ static bool update(line *l, const view *v, int kept, const scene *s, linear *r) 
 
 /* The estimate alone may be wrong about it; the last view alone, where one looks along the line. */
 void line_align(const line *l, view *v) {
-    if (l->settled && arris_dot(v->step, l->kept[l->n_kept - 1].step) < 0 &&
-        view_place(v, &l->f, l->x, v->half) < view_place(v, &l->f, l->x, -v->half))
+    double s[2];
+    if (!l->settled || arris_dot(v->step, l->kept[l->n_kept - 1].step) >= 0)
+        return;
+    view_ends(v, &l->f, l->x, s);
+    if (s[1] < s[0])
         view_turn(v);
 }
 

@@ -52,15 +52,18 @@ static enum arris_line_state state(const line *l, const scene *s, const mat4 *P,
 
 /* The covariance of (p, q): P across the line, END along it. */
 static void spread(const line *l, const mat4 *P, const double u[3], double cov[21]) {
-    for (int i = 0, n = 0; i < 6; i++)
-        for (int j = i; j < 6; j++, n++) {
-            const double *bi[2] = {l->f.a, l->f.b};
-            double end = i / 3 == j / 3 ? END * l->pixel[i / 3] : 0;
-            cov[n] = end * end * u[i % 3] * u[j % 3];
-            for (int k = 0; k < 2; k++)
-                for (int m = 0; m < 2; m++)
-                    cov[n] += bi[k][i % 3] * P->m[i / 3 * 2 + k][j / 3 * 2 + m] * bi[m][j % 3];
+    const double *a = l->f.a, *b = l->f.b;
+    for (int i = 0, n = 0; i < 6; i++) {
+        int end = i / 3, k = i % 3;
+        double row[4], along = END * l->pixel[end];
+        for (int m = 0; m < 4; m++)
+            row[m] = a[k] * P->m[2 * end][m] + b[k] * P->m[2 * end + 1][m];
+        for (int j = i; j < 6; j++) {
+            const double *at = row + j / 3 * 2;
+            cov[n++] = at[0] * a[j % 3] + at[1] * b[j % 3] +
+                       (end == j / 3 ? along * along * u[k] * u[j % 3] : 0);
         }
+    }
 }
 
 bool line_report(const line *l, const scene *s, double limit, arris_line *out) {

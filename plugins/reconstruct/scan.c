@@ -123,11 +123,12 @@ void scan_add(scan *s, int32_t track, view *v) {
     if (!e)
         return;
     if (v) {
+        double ends[2];
         line_align(&e->l, v);
         v->frame = e->at = s->frames;
+        view_ends(v, &e->l.f, e->l.x, ends);
         for (int i = 0; i < 2; i++)
-            frame_point(&e->l.f, e->l.x, view_place(v, &e->l.f, e->l.x, i ? v->half : -v->half),
-                        e->stretch[i]);
+            frame_point(&e->l.f, e->l.x, ends[i], e->stretch[i]);
     }
     *find_now(s, track) = (link){track, s->turn, e};
     s->linked++;

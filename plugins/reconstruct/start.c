@@ -43,13 +43,14 @@ static bool meet(const view *v, const view *w, frame *f) {
         f->X[i] = v->C[i] + p[i] * arris_dot(m, d) / sine;
     complete(f, v->C);
     f->h = 1;
-    double begin = view_place(v, f, ORIGIN, -v->half), end = view_place(v, f, ORIGIN, v->half);
+    double s[2];
+    view_ends(v, f, ORIGIN, s);
     for (int i = 0; i < 3; i++) {
-        f->X[i] += f->u[i] * (begin + end) / 2;
-        f->u[i] *= end > begin ? 1 : -1;
-        f->b[i] *= end > begin ? 1 : -1;
+        f->X[i] += f->u[i] * (s[0] + s[1]) / 2;
+        f->u[i] *= s[1] > s[0] ? 1 : -1;
+        f->b[i] *= s[1] > s[0] ? 1 : -1;
     }
-    f->h = fabs(end - begin) / 2;
+    f->h = fabs(s[1] - s[0]) / 2;
     return isfinite(f->h) && f->h > 0;
 }
 
@@ -118,10 +119,9 @@ void line_guess(line *l, const scene *s) {
 static bool runs_against(const line *l) {
     int against = 0;
     for (uint32_t i = 0; i < l->n_kept; i++) {
-        const view *v = &l->kept[i];
-        double from = view_place(v, &l->f, l->x, -v->half),
-               to = view_place(v, &l->f, l->x, v->half);
-        against += (from > to) - (from < to);
+        double s[2];
+        view_ends(&l->kept[i], &l->f, l->x, s);
+        against += (s[0] > s[1]) - (s[0] < s[1]);
     }
     return against > 0;
 }

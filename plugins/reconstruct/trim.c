@@ -19,11 +19,13 @@ typedef struct reach {
 } reach;
 
 static bool reach_of(const view *v, const line *l, reach *r) {
-    double outside[2] = {v->from, v->to}, ends[2] = {-v->half, v->half};
+    const double px[6] = {-v->half, v->half, v->from, v->to, 1 - v->half, 1 + v->half};
+    double s[6];
+    view_places(v, &l->f, l->x, px, 6, s);
     for (int i = 0; i < 2; i++) {
-        r->seen[i] = view_place(v, &l->f, l->x, ends[i]);
-        r->visible[i] = view_place(v, &l->f, l->x, outside[i]);
-        r->pixel[i] = fabs(view_place(v, &l->f, l->x, ends[i] + 1) - r->seen[i]) * l->f.h;
+        r->seen[i] = s[i];
+        r->visible[i] = s[2 + i];
+        r->pixel[i] = fabs(s[4 + i] - s[i]) * l->f.h;
     }
     /* beyond its vanishing point a line is seen no more */
     r->visible[0] = fmin(r->visible[0], r->seen[0]);

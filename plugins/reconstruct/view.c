@@ -96,31 +96,45 @@ void view_turn(view *v) {
 }
 
 void frame_line(const frame *f, const double x[4], double M[3], double D[3]) {
+    double a = (x[0] + x[2]) / 2, b = (x[1] + x[3]) / 2, c = (x[2] - x[0]) / 2,
+           d = (x[3] - x[1]) / 2;
     for (int i = 0; i < 3; i++) {
-        M[i] = f->X[i] + (x[0] + x[2]) / 2 * f->a[i] + (x[1] + x[3]) / 2 * f->b[i];
-        D[i] = f->h * f->u[i] + (x[2] - x[0]) / 2 * f->a[i] + (x[3] - x[1]) / 2 * f->b[i];
+        M[i] = f->X[i] + a * f->a[i] + b * f->b[i];
+        D[i] = f->h * f->u[i] + c * f->a[i] + d * f->b[i];
     }
 }
 
 void frame_point(const frame *f, const double x[4], double s, double P[3]) {
-    double D[3];
-    frame_line(f, x, P, D);
+    double p = (1 - s) / 2, q = (1 + s) / 2;
+    double a = p * x[0] + q * x[2], b = p * x[1] + q * x[3], along = s * f->h;
     for (int i = 0; i < 3; i++)
-        P[i] += s * D[i];
+        P[i] = f->X[i] + along * f->u[i] + a * f->a[i] + b * f->b[i];
 }
 
 /* As arris_line_at has it, in units of D. */
-double view_place(const view *v, const frame *f, const double x[4], double px) {
-    double M[3], D[3], d[3], w[3], n[3], m[3];
+void view_places(const view *v, const frame *f, const double x[4], const double px[], int n,
+                 double s[]) {
+    double M[3], D[3], w[3], along[2][3], at[2][3]; /* each at the middle, and by px */
     frame_line(f, x, M, D);
-    for (int i = 0; i < 3; i++) {
-        d[i] = v->ray[i] + px * v->step[i];
+    for (int i = 0; i < 3; i++)
         w[i] = v->C[i] - M[i];
+    arris_cross(D, v->ray, along[0]);
+    arris_cross(D, v->step, along[1]);
+    arris_cross(w, v->ray, at[0]);
+    arris_cross(w, v->step, at[1]);
+    for (int k = 0; k < n; k++) {
+        double s2 = 0, sum = 0;
+        for (int i = 0; i < 3; i++) {
+            double c = along[0][i] + px[k] * along[1][i];
+            s2 += c * c;
+            sum += c * (at[0][i] + px[k] * at[1][i]);
+        }
+        s[k] = s2 > PARALLEL ? sum / s2 : (double)NAN;
     }
-    arris_cross(D, d, n);
-    arris_cross(w, d, m);
-    double s2 = arris_dot(n, n);
-    return s2 > PARALLEL ? arris_dot(m, n) / s2 : (double)NAN;
+}
+
+void view_ends(const view *v, const frame *f, const double x[4], double s[2]) {
+    view_places(v, f, x, (const double[]){-v->half, v->half}, 2, s);
 }
 
 double linear_distance(const linear *l, const mat4 *P) {

@@ -74,9 +74,13 @@ void frame_line(const frame *f, const double x[4], double M[3], double D[3]);
 /* The point of the line at s. */
 void frame_point(const frame *f, const double x[4], double s, double P[3]);
 
-/* Where on the line the point of the picture is nearest that lies `px` along the segment from its
- * middle. NAN when one looks along the line. */
-double view_place(const view *v, const frame *f, const double x[4], double px);
+/* Where on the line the points of the picture are nearest that lie `px` along the segment from its
+ * middle, n of them. NAN when one looks along the line. */
+void view_places(const view *v, const frame *f, const double x[4], const double px[], int n,
+                 double s[]);
+
+/* The same of its two ends. */
+void view_ends(const view *v, const frame *f, const double x[4], double s[2]);
 
 /* False when the line is not in front of the camera where the segment is. */
 bool view_linearise(const view *v, const frame *f, const double x[4], const pose_noise *noise,
