@@ -370,6 +370,42 @@ static void noise_and_covariance_are_true(void **unused) {
     assert_true(fabs(factor - 1) < 0.1);
 }
 
+/* A line that was followed from its edge over to one behind it is where most of its views saw it,
+ * and leaves the poses alone. */
+static void views_of_another_edge_do_no_harm(void **unused) {
+    (void)unused;
+    enum { WHICH = 6 };
+    scan_plan plan = {60, 10, 5, 0.1, 1e-4, 0.02, false};
+    adjust_params params = {.robust = 4, .backend = &adj_cholmod};
+    record r;
+    arris_lines lines = {0};
+    adjusted result;
+    uint32_t strayed = 0, seen = 0;
+    state = 23;
+    simulate(&plan, &r, &lines);
+    for (uint32_t i = 0; i < r.n; i++)
+        seen += r.item[i].track == WHICH;
+    for (uint32_t i = 0, k = 0; i < r.n; i++) {
+        sighting *o = &r.item[i];
+        if (o->track != WHICH || k++ < 2 * seen / 3)
+            continue;
+        double shift = 0.03 * ++strayed / hypot(o->x2 - o->x1, o->y2 - o->y1); /* px a frame */
+        double nx = -(o->y2 - o->y1) * shift, ny = (o->x2 - o->x1) * shift;
+        o->x1 += nx, o->x2 += nx, o->y1 += ny, o->y2 += ny;
+    }
+    assert_int_equal(record_adjust(&r, &lines, &params, &result), 0);
+    print_message("%u of %u views strayed, %u agree; nees %.2f\n", strayed, seen,
+                  lines.item[WHICH].views, nees_of(&lines.item[WHICH], WHICH));
+    assert_true(strayed > 10 && lines.item[WHICH].views < seen - strayed / 2);
+    assert_true(nees_of(&lines.item[WHICH], WHICH) < 4);
+    for (uint32_t i = 0; i < lines.n; i++)
+        if (i % 4 && lines.item[i].views > 20)
+            assert_true(nees_of(&lines.item[i], i) < 6);
+    record_adjusted_free(&result);
+    record_free(&r);
+    free(lines.item);
+}
+
 /* A pose that is wrong is named, and does no harm. */
 static void outliers_are_named(void **unused) {
     (void)unused;
@@ -461,6 +497,7 @@ int main(void) {
         cmocka_unit_test(back_ends_agree),
         cmocka_unit_test(selected_inverse_is_the_inverse),
         cmocka_unit_test(noise_and_covariance_are_true),
+        cmocka_unit_test(views_of_another_edge_do_no_harm),
         cmocka_unit_test(outliers_are_named),
         cmocka_unit_test(what_is_not_told_is_said),
         cmocka_unit_test(lines_are_read_and_refused),

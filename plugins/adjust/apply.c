@@ -13,6 +13,7 @@ enum { VIEWS = 3 };               /* of a line, at least */
 static const double HOLD = 0.3;   /* of its distance, that a line may be off */
 static const double SHORT = 1e-3; /* mm: shorter is no line */
 static const double APART = 1;    /* px: nearer, it takes good poses to tell lines apart */
+static const double LESS = 9;     /* times its variance before, and a line is weak */
 static const double STRAY = 0.5;  /* of a frame's segments off their lines: it is an outlier */
 
 /* The distance of the line from the middle camera, mm. */
@@ -122,13 +123,21 @@ static void sum_fits(const adj_problem *p, fit *fits) {
     for (uint32_t i = 0; i < p->n_views; i++) {
         const adj_view *v = &p->view[i];
         const adj_line *l = &p->line[v->line];
-        if (!adj_residual(p, v, &p->frame[v->frame].pose, l, r, NULL, NULL))
+        if (v->apart || !adj_residual(p, v, &p->frame[v->frame].pose, l, r, NULL, NULL))
             continue;
         double weight = adj_weight(p, adj_distance(v, l, r));
         fits[v->line].sum += weight * (r[0] * r[0] + r[1] * r[1]) / 2;
         fits[v->line].weights += weight;
         fits[v->line].views += weight > 0.5;
     }
+}
+
+/* The sum of the variances of p and q, mm². */
+static double trace(const arris_line *l) {
+    double sum = 0;
+    for (int i = 0, n = 0; i < 6; n += 6 - i++)
+        sum += l->cov[n];
+    return sum;
 }
 
 static int write_lines(const adj_problem *p, const adj_work *w, arris_lines *lines,
@@ -145,7 +154,10 @@ static int write_lines(const adj_problem *p, const adj_work *w, arris_lines *lin
         arris_line *l = &lines->item[i];
         adj_line_points(&p->line[k], l->p, l->q);
         adj_line_covariance(w, k, cov);
+        double was = trace(l);
         spread(&p->line[k], cov, l);
+        if (l->state == ARRIS_MEASURED && trace(l) > LESS * was)
+            l->state = ARRIS_WEAK;
         l->rms = fits[k].weights > 0 ? sqrt(fits[k].sum / fits[k].weights) : 0;
         l->views = fits[k].views;
     }
@@ -154,6 +166,7 @@ static int write_lines(const adj_problem *p, const adj_work *w, arris_lines *lin
 }
 
 static int write_poses(const adj_problem *p, record *r, adjusted *out) {
+    free(out->pose);
     out->pose = malloc((p->n_frames + (size_t)1) * sizeof *out->pose);
     if (!out->pose)
         return ARRIS_E_MEMORY;
@@ -244,7 +257,7 @@ static int adjust_once(record *r, arris_lines *lines, const adjust_params *param
     if (rc == 0 && !too_little(&p, out)) {
         w = adj_work_new(&p, params->backend);
         rc = w ? adj_estimate(&p, w, &out->q) : ARRIS_E_MEMORY;
-        if (rc == 0 && apart == 0)
+        if (rc == 0)
             rc = write(&p, w, r, lines, place, out);
     }
     for (uint32_t i = 0; rc == 0 && i < p.n_frames; i++) {

@@ -20,12 +20,13 @@ static const double START[2] = {1e-3, 1e-3}; /* sigma of the poses: of the dista
 static const double LEAST[2] = {1e-6, 1e-6}; /* below which it is none; likewise */
 static const double NOISE = 3;               /* sigmas from which a correlation is none by chance */
 static const double ENOUGH = 3;              /* degrees of freedom that tell a sigma */
-static const double PRIOR_DOF = 10;   /* weight of all lines' variance against a line's own */
-static const double CORRELATED = 0.9; /* of a line's residuals from view to view, at most */
-static const double ALIKE_VIEWS = 10; /* in which what no profile explains is the same */
-static const double CHANCE = 0.1;     /* of misfit, that says nothing */
-static const double FAR = 7;          /* robust sigmas from which a pose is an outlier */
-enum { FEW = 10 };                    /* frames that do not tell what an outlier is */
+static const double PRIOR_DOF = 10;    /* weight of all lines' variance against a line's own */
+static const double CORRELATED = 0.9;  /* of a line's residuals from view to view, at most */
+static const double ALIKE_VIEWS = 10;  /* in which what no profile explains is the same */
+static const double INDEPENDENT = 2.3; /* values of it at most, in any number of views */
+static const double CHANCE = 0.1;      /* of misfit, that says nothing */
+static const double FAR = 7;           /* robust sigmas from which a pose is an outlier */
+enum { FEW = 10 };                     /* frames that do not tell what an outlier is */
 
 /* ---- segments -------------------------------------------------------------------------------- */
 
@@ -50,7 +51,7 @@ static fit fit_of(const adj_problem *p, const adj_system *s, uint32_t line, doub
     double r[2], before = 0, product = 0, square = 0;
     for (uint32_t k = s->first[line]; k < s->first[line + 1]; k++) {
         const adj_view *v = &p->view[s->order[k]];
-        if (!adj_residual(p, v, &p->frame[v->frame].pose, l, r, NULL, NULL))
+        if (v->apart || !adj_residual(p, v, &p->frame[v->frame].pose, l, r, NULL, NULL))
             continue;
         double d2 = adj_distance(v, l, r), weight = adj_weight(p, d2);
         double offset = sqrt(weight) * (r[0] + r[1]);
@@ -90,10 +91,12 @@ static double weigh_lines(adj_problem *p, const adj_system *s, double share, int
         fit f = fits[i];
         double v = (f.chi2 + PRIOR_DOF * usual) / (dof_of(&f, share) + PRIOR_DOF);
         v = round < ALIKE ? fmax(usual, 1) : fmax(v, 1);
-        v *= 1 + ALIKE_VIEWS * fmax(p->line[i].misfit / fmax(f.views, 1) - CHANCE, 0) +
-             (round < APART ? 0 : f.memory - 1);
-        changed += fabs(log(v / p->line[i].variance)) / p->n_lines;
-        p->line[i].variance = v;
+        double misfit = fmax(p->line[i].misfit / fmax(f.views, 1) - CHANCE, 0);
+        double memory = (round < APART ? 1 : f.memory) + ALIKE_VIEWS * misfit;
+        adj_line *l = &p->line[i];
+        changed += fabs(log(v * memory / (l->variance * l->memory))) / p->n_lines;
+        l->variance = v;
+        l->memory = memory;
     }
     return changed;
 }
@@ -144,16 +147,29 @@ static double memory_of(const adj_problem *p) {
     return sum;
 }
 
-/* The greatest relative change. */
+/* The variance of the three axes from `first` on taken together, as far as they tell one. */
+static double usual_variance(const adj_problem *p, const component c[6], int first) {
+    double squares = 0, redundancy = 0;
+    for (int k = first; k < first + 3; k++) {
+        squares += fmax(c[k].squares, 0) * p->sigma[k] * p->sigma[k];
+        redundancy += fmax(c[k].redundancy, 0);
+    }
+    return redundancy > ENOUGH ? squares / redundancy : p->sigma[first] * p->sigma[first];
+}
+
+/* What the residuals do not tell of an axis, its neighbours tell. Returns the greatest relative
+ * change. */
 static double update_sigmas(adj_problem *p, const component c[6], const bool known[6],
                             double distance, bool determined[6]) {
-    double most = 0;
+    double most = 0, usual[2] = {usual_variance(p, c, 0), usual_variance(p, c, 3)};
     for (int k = 0; k < 6; k++) {
-        determined[k] = known[k] || c[k].redundancy > ENOUGH;
-        if (known[k] || !determined[k])
-            continue;
         double was = p->sigma[k], least = LEAST[k / 3] * (k < 3 ? distance : 1);
-        double share = fmin(fmax(c[k].squares / c[k].redundancy, 0.1), 10);
+        double told = fmax(c[k].redundancy, 0), lacking = fmax(ENOUGH - told, 0);
+        determined[k] = known[k] || lacking == 0;
+        if (known[k])
+            continue;
+        double v = (c[k].squares * was * was + lacking * usual[k / 3]) / (told + lacking);
+        double share = fmin(fmax(v / (was * was), 0.1), 10);
         p->sigma[k] = fmax(was * sqrt(share), least);
         most = fmax(most, fabs(p->sigma[k] / was - 1));
     }
@@ -238,6 +254,25 @@ static double told_of_poses(const component c[6]) {
     return fmax(sum, 0);
 }
 
+/* What hangs together tells less than its number: of the poses, and of each line's views, as far as
+ * no profile explained them. */
+static void discount(adj_problem *p, double memory) {
+    for (int k = 0; k < 6; k++)
+        p->sigma[k] *= sqrt(memory);
+    for (uint32_t i = 0; i < p->n_lines; i++) {
+        adj_line *l = &p->line[i];
+        l->memory = fmax(l->memory, 1 + l->misfit / INDEPENDENT);
+    }
+}
+
+/* The middle one of the lines' variances. */
+static double usual_line(const adj_problem *p, double *scratch) {
+    for (uint32_t i = 0; i < p->n_lines; i++)
+        scratch[i] = p->line[i].variance;
+    qsort(scratch, p->n_lines, sizeof *scratch, by_size);
+    return p->n_lines ? scratch[p->n_lines / 2] : 1;
+}
+
 static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch, fit *fits) {
     bool known[6], changed = true;
     component c[6];
@@ -251,6 +286,8 @@ static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch
         rc = adj_work_plan(w, p);
         if (rc < 0)
             break;
+        if (i >= APART)
+            adj_agree(p, &w->system, usual_line(p, scratch));
         double lines = weigh_lines(p, &w->system, share, i, fits);
         rc = adj_minimise(p, w, i < LOOSE ? STEPS : FEWER, COARSE);
         changed = rc >= 0 && find_outliers(p, distance, scratch, q);
@@ -270,8 +307,7 @@ static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch
         return rc;
     memcpy(q->sigma, p->sigma, sizeof q->sigma);
     q->memory = memory_of(p);
-    for (int k = 0; k < 6; k++)
-        p->sigma[k] *= sqrt(q->memory);
+    discount(p, q->memory);
     rc = adj_marginals(p, w);
     judge(p, &w->system, poses, q);
     return rc;

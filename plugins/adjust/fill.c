@@ -33,7 +33,8 @@ static bool linearise(const adj_problem *p, const adj_view *v, rows *o) {
     const adj_line *l = &p->line[v->line];
     if (!adj_residual(p, v, &p->frame[v->frame].pose, l, o->r, o->Jp, o->Jl))
         return false;
-    whiten(v, adj_weight(p, adj_distance(v, l, o->r)) / l->variance, o);
+    double weight = v->apart ? 0 : adj_weight(p, adj_distance(v, l, o->r));
+    whiten(v, weight / (l->variance * l->memory), o);
     return true;
 }
 

@@ -69,7 +69,7 @@ int64_t adj_add_line(adj_problem *p, const double P[3], const double Q[3], doubl
     l->h = arris_unit(l->u) / 2;
     across(l->u, l->a, l->b);
     l->hold = hold;
-    l->variance = 1;
+    l->variance = l->memory = 1;
     return p->n_lines++;
 }
 
@@ -84,7 +84,8 @@ int64_t adj_add_view(adj_problem *p, uint32_t frame, uint32_t line, const arris_
         (adj_view){frame,
                    line,
                    {{s->x1, s->y1}, {s->x2, s->y2}},
-                   {s->cov[0] - mixed + bend, s->cov[0] - bend, s->cov[0] + mixed + bend}};
+                   {s->cov[0] - mixed + bend, s->cov[0] - bend, s->cov[0] + mixed + bend},
+                   false};
     return p->n_views++;
 }
 
@@ -374,7 +375,8 @@ double adj_cost(const adj_problem *p) {
         const adj_line *l = &p->line[v->line];
         if (!adj_residual(p, v, &p->frame[v->frame].pose, l, r, NULL, NULL))
             return (double)INFINITY;
-        sum += adj_loss(p, adj_distance(v, l, r));
+        if (!v->apart)
+            sum += adj_loss(p, adj_distance(v, l, r)) / l->memory;
     }
     return sum;
 }

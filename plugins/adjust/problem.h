@@ -41,6 +41,7 @@ typedef struct adj_line {
     double x[4];                      /* mm; the estimate */
     double hold;                      /* mm: sigma of x about 0 before anything was seen */
     double variance;                  /* of its segments over the stated one */
+    double memory;                    /* segments that count as one, since they err alike */
     double misfit;                    /* sum of the shares of it that no profile explained */
     double past[4][4], slope[4];      /* information of views that are no more: the cost is */
 } adj_line;                           /* x' past x - 2 slope x */
@@ -50,6 +51,7 @@ typedef struct adj_view {
     uint32_t frame, line;
     double end[2][2]; /* ideal px */
     double cov[3];    /* of the distances at the ends: var, cov, var; px² */
+    bool apart;       /* its line is another one, most of whose views agree: it counts nothing */
 } adj_view;
 
 typedef struct adj_problem {
@@ -115,9 +117,8 @@ void adj_error(const adj_problem *p, uint32_t frame, double e[6], double J[9],
 /* What the prior weighs along one axis: 1 / sigma², and nothing for an outlier. */
 double adj_precision(const adj_problem *p, int axis, uint32_t frame);
 
-/* The sum of the losses of all views, of the prior, the lines' hold and the common
- * states'. INFINITY when a line
- * falls behind a camera that sees it. */
+/* The sum of the losses of all views, each over its line's memory, of the prior, the lines' hold
+ * and the common states'. INFINITY when a line falls behind a camera that sees it. */
 double adj_cost(const adj_problem *p);
 
 #ifdef __cplusplus

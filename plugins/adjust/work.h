@@ -25,4 +25,8 @@ struct adj_work {
 /* For the problem's pattern, unless it is planned. 0 or ARRIS_E_MEMORY. */
 int adj_work_plan(adj_work *w, const adj_problem *p);
 
+/* Moves each line to where most of its views agree with it, by poses as they are, and sets the
+ * others of them apart; `variance` is of views that agree, over the stated one. */
+void adj_agree(adj_problem *p, const adj_system *s, double variance);
+
 #endif
