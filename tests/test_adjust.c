@@ -252,22 +252,61 @@ static void back_ends_agree(void **unused) {
     free(lines.item);
 }
 
-/* A band with a border: the entries that are computed are those of the whole inverse. */
-static void selected_inverse_is_the_inverse(void **unused) {
-    (void)unused;
-    enum { N = 40 };
-    int ptr[N + 1], row[N * N], order[N], n = 0, place[N];
-    double val[N * N], work[N], b[N], x[N], *inverse = calloc(N * N, sizeof *inverse);
+enum { N = 40 };
+
+/* A band with a border. */
+static adj_matrix make_matrix(void) {
+    static int ptr[N + 1], row[N * N], order[N];
+    static double val[N * N];
+    int n = 0;
     for (int j = 0; j < N; j++) {
         ptr[j] = n;
         for (int i = 0; i <= j; i++)
             if (i == j || j - i < 4 || j == N - 1)
                 row[n] = i, val[n++] = i == j ? 10 + i : sin(i + 3 * j);
-        place[j] = -1;
         order[j] = (7 * j) % N; /* any will do */
     }
     ptr[N] = n;
-    adj_matrix A = {N, ptr, row, order, val};
+    return (adj_matrix){N, ptr, row, order, val};
+}
+
+/* With the factor of a matrix that is near, what is left of the error is what was asked for. */
+static void an_old_factor_solves(void **unused) {
+    (void)unused;
+    adj_matrix A = make_matrix();
+    adj_solver *s = adj_cholmod.create();
+    adj_factor f;
+    double b[N], x[N], exact[N], work[ADJ_CONJUGATE * N], shares[3] = {1e-1, 1e-3, 1e-9};
+    int turns[3];
+    assert_int_equal(adj_cholmod.analyse(s, &A), 0);
+    for (int j = 0; j < N; j++)
+        b[j] = cos(j);
+    for (int k = 0; k < 3; k++) {
+        A = make_matrix();
+        assert_int_equal(adj_cholmod.factor(s, &A, &f), 0);
+        for (int j = 0; j < N; j++)
+            A.val[A.ptr[j + 1] - 1] *= 1.5 + sin(7 * j);
+        turns[k] = adj_conjugate(&A, &f, b, x, N, shares[k], work);
+        assert_int_equal(adj_conjugate(&A, &f, b, exact, turns[k] - 1, shares[k], work), 0);
+        assert_int_equal(adj_cholmod.factor(s, &A, &f), 0);
+        adj_factor_solve(&f, b, exact, work);
+        double all = 0, gained = 0;
+        for (int j = 0; j < N; j++)
+            all += b[j] * exact[j], gained += b[j] * x[j];
+        assert_true(gained < all * (1 + 1e-12) && gained > all * (1 - 10 * shares[k]));
+    }
+    assert_true(turns[0] > 0 && turns[1] > turns[0] && turns[2] > turns[1]);
+    adj_cholmod.free(s);
+}
+
+/* The entries that are computed are those of the whole inverse. */
+static void selected_inverse_is_the_inverse(void **unused) {
+    (void)unused;
+    int place[N];
+    double work[N], b[N], x[N], *inverse = calloc(N * N, sizeof *inverse);
+    adj_matrix A = make_matrix();
+    for (int j = 0; j < N; j++)
+        place[j] = -1;
     const adj_backend *backend[2] = {&adj_cholmod, &adj_eigen};
     for (int k = 0; k < 2; k++) {
         adj_solver *s = backend[k]->create();
@@ -282,9 +321,9 @@ static void selected_inverse_is_the_inverse(void **unused) {
             for (int m = f.ptr[j]; m < f.ptr[j] + f.nz[j]; m++)
                 assert_near(inverse[m], x[f.perm[f.row[m]]], 1e-12);
         }
-        val[ptr[6] - 1] = -1; /* not positive definite any more */
+        A.val[A.ptr[6 + 1] - 1] = -1; /* not positive definite any more */
         assert_int_equal(backend[k]->factor(s, &A, &f), ARRIS_E_INPUT);
-        val[ptr[6] - 1] = 15;
+        A = make_matrix();
         backend[k]->free(s);
     }
     free(inverse);
@@ -495,6 +534,7 @@ int main(void) {
         cmocka_unit_test(residuals_have_their_derivatives),
         cmocka_unit_test(errors_have_their_derivatives),
         cmocka_unit_test(back_ends_agree),
+        cmocka_unit_test(an_old_factor_solves),
         cmocka_unit_test(selected_inverse_is_the_inverse),
         cmocka_unit_test(noise_and_covariance_are_true),
         cmocka_unit_test(views_of_another_edge_do_no_harm),

@@ -30,7 +30,7 @@ int adj_marginals(adj_problem *p, adj_work *w) {
         return rc;
     if (!adj_system_fill(&w->system, p, 0))
         return ARRIS_E_INPUT;
-    rc = w->backend->factor(w->solver, &w->system.S, &w->factor);
+    rc = adj_work_factor(w);
     rc = rc ? rc : reserve(w);
     if (rc)
         return rc;

@@ -10,6 +10,9 @@
 
 static const double DAMPING = 1e-6, LEAST = 1e-12, MOST = 1e8; /* Marquardt's, at the start */
 static const double STEADY = 1e-3; /* with less of it, a step that gains nothing is the last */
+static const double MISSED = 1e-3; /* of what a step takes off the cost, by not solving exactly */
+enum { TURNS = 12, WORN = 6 }; /* of conjugate gradients, at most; and after which, by what they */
+                               /* cost, the factor is the next time made anew */
 
 adj_work *adj_work_new(const adj_problem *p, const adj_backend *backend) {
     adj_work *w = calloc(1, sizeof *w);
@@ -19,7 +22,7 @@ adj_work *adj_work_new(const adj_problem *p, const adj_backend *backend) {
     w->backend = backend;
     w->solver = backend->create();
     w->step = malloc(rows * sizeof *w->step);
-    w->scratch = malloc(rows * sizeof *w->scratch);
+    w->scratch = malloc(ADJ_CONJUGATE * rows * sizeof *w->scratch);
     w->place = malloc(rows * sizeof *w->place);
     w->poses = malloc((p->max_frames + (size_t)1) * sizeof *w->poses);
     w->lines = malloc((p->max_lines + (size_t)1) * sizeof *w->lines);
@@ -69,15 +72,26 @@ int adj_work_plan(adj_work *w, const adj_problem *p) {
     return rc;
 }
 
-/* Linearises and takes a step. 0, or what ails the factor. */
-static int take_step(adj_problem *p, adj_work *w) {
+int adj_work_factor(adj_work *w) {
+    int rc = w->backend->factor(w->solver, &w->system.S, &w->factor);
+    w->factored = rc == 0;
+    return rc;
+}
+
+/* Solves what was filled: by the factor of an earlier one, as long as it is near. It mostly is,
+ * when only the robust weights change, and a factor costs as much as many solutions by it. */
+static int solve(adj_work *w) {
     adj_system *s = &w->system;
-    int rc = w->backend->factor(w->solver, &s->S, &w->factor);
-    if (rc)
-        return rc;
-    adj_factor_solve(&w->factor, s->rhs, w->step, w->scratch);
-    adj_system_move(s, p, w->step);
-    return 0;
+    int turns = w->factored
+                    ? adj_conjugate(&s->S, &w->factor, s->rhs, w->step, TURNS, MISSED, w->scratch)
+                    : 0;
+    w->factored = turns <= WORN;
+    if (turns > 0)
+        return 0;
+    int rc = adj_work_factor(w);
+    if (rc == 0)
+        adj_factor_solve(&w->factor, s->rhs, w->step, w->scratch);
+    return rc;
 }
 
 int adj_minimise(adj_problem *p, adj_work *w, int rounds, double least) {
@@ -89,9 +103,11 @@ int adj_minimise(adj_problem *p, adj_work *w, int rounds, double least) {
         if (!isfinite(cost) || !adj_system_fill(&w->system, p, damping))
             return ARRIS_E_INPUT;
         save(p, w);
-        rc = take_step(p, w);
+        rc = solve(w);
         if (rc == ARRIS_E_MEMORY)
             return rc;
+        if (rc == 0)
+            adj_system_move(&w->system, p, w->step);
         double now = rc ? (double)INFINITY : adj_cost(p);
         if (!(now <= cost)) {
             restore(p, w);

@@ -46,6 +46,13 @@ extern const adj_backend adj_eigen;   /* Eigen's SimplicialLDLT */
 /* x = A⁻¹ b; `work` has room for n, and may not be one of them. */
 void adj_factor_solve(const adj_factor *f, const double *b, double *x, double *work);
 
+/* The same for a matrix that is near to the one with the factor, by conjugate gradients, until what
+ * x lacks is of b' A⁻¹ b the share `share`. Returns the turns that it took; 0: it did not come so
+ * far in `most`. `work` has room for ADJ_CONJUGATE times n. */
+enum { ADJ_CONJUGATE = 5 };
+int adj_conjugate(const adj_matrix *A, const adj_factor *f, const double *b, double *x, int most,
+                  double share, double *work);
+
 /* The entries of A⁻¹ where L has some (Takahashi's recursion; Erisman and Tinney 1975): in the
  * places of f->val, `work` has room for n whole numbers, all -1 before and after, and n more. */
 void adj_factor_invert(const adj_factor *f, double *inverse, int *work, double *column);

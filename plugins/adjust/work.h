@@ -13,14 +13,19 @@ struct adj_work {
     adj_solver *solver;
     adj_system system;
     adj_factor factor;
+    bool factored;                         /* `factor` is good for what is near to it */
     bool planned;                          /* for what the problem is made of */
-    double *step, *scratch;                /* a number for each row */
+    double *step;                          /* a number for each row */
+    double *scratch;                       /* ADJ_CONJUGATE for each */
     int *place;                            /* likewise */
     adj_pose *poses;                       /* as they were before a step */
     double (*lines)[4], state[ADJ_COMMON]; /* likewise */
     double *inverse;                       /* in the places of the factor's values */
     size_t max_inverse;
 };
+
+/* Factors what was filled last. 0, or an error of the back end's. */
+int adj_work_factor(adj_work *w);
 
 /* For the problem's pattern, unless it is planned. 0 or ARRIS_E_MEMORY. */
 int adj_work_plan(adj_work *w, const adj_problem *p);
