@@ -110,6 +110,7 @@ static void nothing_is_allocated(void **state) {
     (void)state;
     static const char *const chain[] = {
         "edges ! undistort ! segments ! track ! reconstruct",
+        "edges ! undistort ! segments ! track ! reconstruct ! adjust window=8",
         "undistort ! edges ! segments ! track ! reconstruct",
         "edges ! queue ! undistort ! tee name=u u. ! queue leaky=oldest ! fakesink u. ! queue ! "
         "segments ! track ! queue ! reconstruct ! rate fps=20 ! identity"};

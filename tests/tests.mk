@@ -28,6 +28,7 @@ $(test_shared): $(B)/tests/%.so: $(B)/obj/tests/%.c.o
 	$(Q)$(CC) -shared -o $@ $< $(ldflags) -ldl
 
 test_guide_uses := edges segments
+test_window_uses := adjust files
 test_segments_uses := edges
 bench_adjust_uses := adjust files
 bench_accuracy_uses := edges segments

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "record.h"
+#include "tell.h"
 
 enum { VIEWS = 3 };               /* of a line, at least */
 static const double HOLD = 0.3;   /* of its distance, that a line may be off */
@@ -88,30 +89,6 @@ static int build(adj_problem *p, const record *r, const arris_lines *lines,
 
 /* ---- back ------------------------------------------------------------------------------------ */
 
-/* The covariance of (p, q): that of x across the line, and along it what it was. */
-static void spread(const adj_line *l, const double cov[16], arris_line *out) {
-    double u[3], along[2] = {0, 0}, A[6][4];
-    for (int i = 0; i < 3; i++)
-        u[i] = out->q[i] - out->p[i];
-    arris_unit(u);
-    for (int i = 0, n = 0; i < 6; i++)
-        for (int j = i; j < 6; j++, n++)
-            if (i / 3 == j / 3)
-                along[i / 3] += (i == j ? 1 : 2) * u[i % 3] * out->cov[n] * u[j % 3];
-    for (int i = 0; i < 6; i++)
-        for (int k = 0; k < 4; k++) {
-            const double *b = k % 2 ? l->b : l->a;
-            A[i][k] = i / 3 == k / 2 ? b[i % 3] - arris_dot(b, u) * u[i % 3] : 0;
-        }
-    for (int i = 0, n = 0; i < 6; i++)
-        for (int j = i; j < 6; j++, n++) {
-            out->cov[n] = i / 3 == j / 3 ? fmax(along[i / 3], 0) * u[i % 3] * u[j % 3] : 0;
-            for (int k = 0; k < 4; k++)
-                for (int m = 0; m < 4; m++)
-                    out->cov[n] += A[i][k] * cov[4 * k + m] * A[j][m];
-        }
-}
-
 /* Of a line's residuals. */
 typedef struct fit {
     double sum, weights; /* px² */
@@ -155,7 +132,7 @@ static int write_lines(const adj_problem *p, const adj_work *w, arris_lines *lin
         adj_line_points(&p->line[k], l->p, l->q);
         adj_line_covariance(w, k, cov);
         double was = trace(l);
-        spread(&p->line[k], cov, l);
+        tell_line(&p->line[k], cov, l);
         if (l->state == ARRIS_MEASURED && trace(l) > LESS * was)
             l->state = ARRIS_WEAK;
         l->rms = fits[k].weights > 0 ? sqrt(fits[k].sum / fits[k].weights) : 0;

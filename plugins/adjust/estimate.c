@@ -30,9 +30,8 @@ enum { FEW = 10 };                     /* frames that do not tell what an outlie
 
 /* ---- segments -------------------------------------------------------------------------------- */
 
-/* What weighted squared distances are on average over 2 for Gaussian noise: the mean of
- * t w(2 t) exp(-t). */
-static double expected_share(const adj_problem *p) {
+/* The mean of t w(2 t) exp(-t). */
+double adj_expected_share(const adj_problem *p) {
     double sum = 0, step = 0.01;
     for (double t = step / 2; t < 40; t += step)
         sum += t * adj_weight(p, 2 * t) * exp(-t) * step;
@@ -44,7 +43,7 @@ typedef struct fit {
     double memory;      /* successive views that count as one, since they err alike */
 } fit;
 
-/* `expected` is expected_share. */
+/* `expected` is adj_expected_share. */
 static fit fit_of(const adj_problem *p, const adj_system *s, uint32_t line, double expected) {
     const adj_line *l = &p->line[line];
     fit f = {0, 0, 1};
@@ -77,7 +76,7 @@ static double dof_of(const fit *f, double share) {
  * changed on average, as a share.
  */
 static double weigh_lines(adj_problem *p, const adj_system *s, double share, int round, fit *fits) {
-    double sum = 0, n = 0, expected = expected_share(p);
+    double sum = 0, n = 0, expected = adj_expected_share(p);
     for (uint32_t i = 0; i < p->n_lines; i++) {
         fits[i] = fit_of(p, s, i, expected);
         double dof = dof_of(&fits[i], share);
@@ -234,7 +233,7 @@ static double tail(double chi2, double dof) {
 }
 
 static void judge(const adj_problem *p, const adj_system *s, double poses, adj_quality *q) {
-    double views = 0, centre[3], cov[49], expected = expected_share(p);
+    double views = 0, centre[3], cov[49], expected = adj_expected_share(p);
     q->chi2 = 0;
     for (uint32_t i = 0; i < p->n_lines; i++) {
         fit f = fit_of(p, s, i, expected);

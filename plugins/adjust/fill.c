@@ -13,13 +13,8 @@ enum { SHORTER = 5 };           /* tries to shorten it; the last is not to move 
 
 /* ---- what was seen --------------------------------------------------------------------------- */
 
-/* A view, linear: weighted rows, so that its part of the cost is |r + J d|². */
-typedef struct rows {
-    double r[2], Jp[2][6], Jl[2][4];
-} rows;
-
 /* By the Cholesky factor of the inverse covariance. */
-static void whiten(const adj_view *v, double weight, rows *o) {
+static void whiten(const adj_view *v, double weight, adj_rows *o) {
     double c = v->cov[1] / v->cov[0], a = sqrt(weight / v->cov[0]);
     double b = sqrt(weight / (v->cov[2] - c * v->cov[1]));
     o->r[1] = b * (o->r[1] - c * o->r[0]), o->r[0] *= a;
@@ -29,7 +24,7 @@ static void whiten(const adj_view *v, double weight, rows *o) {
         o->Jl[1][i] = b * (o->Jl[1][i] - c * o->Jl[0][i]), o->Jl[0][i] *= a;
 }
 
-static bool linearise(const adj_problem *p, const adj_view *v, rows *o) {
+bool adj_linearise(const adj_problem *p, const adj_view *v, adj_rows *o) {
     const adj_line *l = &p->line[v->line];
     if (!adj_residual(p, v, &p->frame[v->frame].pose, l, o->r, o->Jp, o->Jl))
         return false;
@@ -38,7 +33,7 @@ static bool linearise(const adj_problem *p, const adj_view *v, rows *o) {
     return true;
 }
 
-static void add_view(adj_system *s, const adj_problem *p, uint32_t view, const rows *o) {
+static void add_view(adj_system *s, const adj_problem *p, uint32_t view, const adj_rows *o) {
     const adj_view *v = &p->view[view];
     int line = 4 * (int)v->line, frame = s->poses + 6 * (int)v->frame, own = s->own[v->frame];
     for (int c = 0; c < 4; c++) {
@@ -129,11 +124,11 @@ static void add_prior(adj_system *s, const adj_problem *p) {
 /* ---- all of it ------------------------------------------------------------------------------- */
 
 bool adj_system_fill(adj_system *s, const adj_problem *p, double damping) {
-    rows o;
+    adj_rows o;
     memset(s->S.val, 0, (size_t)s->S.ptr[s->S.n] * sizeof *s->S.val);
     memset(s->rhs, 0, (size_t)s->S.n * sizeof *s->rhs);
     for (uint32_t i = 0; i < p->n_views; i++) {
-        if (!linearise(p, &p->view[i], &o))
+        if (!adj_linearise(p, &p->view[i], &o))
             return false;
         add_view(s, p, i, &o);
     }

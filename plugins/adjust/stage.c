@@ -10,12 +10,14 @@
 
 #include "files/output.h"
 #include "summary.h"
+#include "window.h"
 
 struct adjust {
     adjust_params p;
-    int32_t max_frames, max_views, solver;
+    int32_t max_frames, max_views, solver, frames;
     const char *poses;
     record record;
+    window *window;             /* NULL: none */
     const arris_camera *camera; /* the stream's */
     bool full;
 };
@@ -27,6 +29,9 @@ static const arris_prop props[] = {
                    "noise of the reported rotations, per axis; 0: unknown, estimated"),
     ARRIS_P_DOUBLE(struct adjust, p.robust, "robust", "4", 0, 100, "sigma",
                    "from which a segment counts less (Cauchy's loss); 0: never"),
+    ARRIS_P_INT(
+        struct adjust, frames, "window", "16", 0, 64, "frames",
+        "adjusted in every frame, with the lines in sight; 0: none, lines pass as they came"),
     ARRIS_P_ENUM(struct adjust, solver, "solver", "cholmod", "cholmod|eigen", "of the equations"),
     ARRIS_P_STRING(struct adjust, poses, "poses", NULL,
                    "a frames.csv to write with the adjusted poses"),
@@ -45,7 +50,12 @@ static int setup(arris_stage *s, void *self, arris_caps *caps) {
     if (record_init(&a->record, caps->camera, (uint32_t)a->max_frames, (uint32_t)a->max_views))
         return arris_fail(s, ARRIS_E_MEMORY, "smaller max-frames and max-views take less",
                           "no memory for %d segments", a->max_views);
-    return arris_reserve(s, ARRIS_LINES, arris_capacity(s, ARRIS_LINES, NULL), 0);
+    size_t lines = arris_capacity(s, ARRIS_LINES, NULL);
+    window_params w = {(uint32_t)a->frames, a->p.pose_sigma, a->p.rot_sigma, a->p.robust};
+    if (a->frames > 1 && !(a->window = window_new(&w, caps->camera, (uint32_t)lines)))
+        return arris_fail(s, ARRIS_E_MEMORY, "a smaller window takes less",
+                          "no memory for a window of %d frames", a->frames);
+    return arris_reserve(s, ARRIS_LINES, lines, 0);
 }
 
 static void say_full(arris_stage *s, struct adjust *a) {
@@ -55,8 +65,37 @@ static void say_full(arris_stage *s, struct adjust *a) {
     a->full = true;
 }
 
+static void copy_lines(const arris_lines *in, arris_lines *out) {
+    arris_lines copy = *in;
+    copy.item = out->item, copy.max = out->max;
+    *out = copy;
+    memcpy(out->item, in->item, in->n * sizeof *in->item);
+}
+
+/* The fixed lag: the frame's lines become those that the window adjusted. */
+static void adjust_window(arris_stage *s, struct adjust *a, arris_frame *f) {
+    const arris_segments *segments = arris_layer_get(f, ARRIS_SEGMENTS);
+    const arris_tracks *tracks = arris_layer_get(f, ARRIS_TRACKS);
+    const arris_pose *pose = arris_layer_get(f, ARRIS_POSE);
+    const arris_lines *in = arris_layer_get(f, ARRIS_LINES);
+    const arris_camera *camera = segments->camera ? segments->camera : a->camera;
+    arris_lines *out = arris_layer_give(s, f, ARRIS_LINES);
+    copy_lines(in, out);
+    if (pose->valid) {
+        window_frame(a->window, pose);
+        for (uint32_t i = 0; i < tracks->n; i++) {
+            int32_t k = tracks->item[i].segment;
+            if (k >= 0 && (uint32_t)k < segments->n)
+                window_add(a->window, tracks->item[i].id, &segments->item[k], camera);
+        }
+    }
+    window_adjust(a->window, out);
+}
+
 static int process(arris_stage *s, void *self, arris_frame *f) {
     struct adjust *a = self;
+    if (a->window)
+        adjust_window(s, a, f);
     const arris_segments *segments = arris_layer_get(f, ARRIS_SEGMENTS);
     const arris_tracks *tracks = arris_layer_get(f, ARRIS_TRACKS);
     const arris_pose *pose = arris_layer_get(f, ARRIS_POSE);
@@ -120,10 +159,7 @@ static int finish(arris_stage *s, void *self, arris_frame *f) {
     const arris_lines *in = arris_layer_get(f, ARRIS_LINES);
     arris_lines *out = arris_layer_give(s, f, ARRIS_LINES);
     adjusted result;
-    arris_lines copy = *in;
-    copy.item = out->item, copy.max = out->max;
-    *out = copy;
-    memcpy(out->item, in->item, in->n * sizeof *in->item);
+    copy_lines(in, out);
     int rc = record_adjust(&a->record, out, &a->p, &result);
     if (rc == ARRIS_E_MEMORY)
         return arris_fail(s, rc, NULL, "no memory to adjust %u segments", a->record.n);
@@ -134,6 +170,7 @@ static int finish(arris_stage *s, void *self, arris_frame *f) {
 
 static void close_adjust(arris_stage *s, void *self) {
     (void)s;
+    window_free(((struct adjust *)self)->window);
     record_free(&((struct adjust *)self)->record);
 }
 

@@ -25,6 +25,14 @@ typedef struct adj_system {
     double predicted; /* what the last step should take off the cost */
 } adj_system;
 
+/* A view, linear: weighted rows, so that its part of the cost is |r + J d|². */
+typedef struct adj_rows {
+    double r[2], Jp[2][6], Jl[2][4];
+} adj_rows;
+
+/* False when the line is not in front of the camera. */
+bool adj_linearise(const adj_problem *p, const adj_view *v, adj_rows *o);
+
 /* Room for any problem that `p` has room for, but for its matrix. 0 or ARRIS_E_MEMORY. For
  * adj_system_free in any case. */
 int adj_system_init(adj_system *s, const adj_problem *p);

@@ -1,0 +1,190 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later
+ *
+ * window_noise.c: the noise in the fixed lag (window_parts.h), as estimate.c has it for a whole
+ * scan: what has left the window is summed up, what is in it is summed anew in every frame.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "window_parts.h"
+
+static const double START =
+    1e-3; /* sigma of the poses, of the distance and rad, until it is told */
+static const double LEAST = 1e-6;     /* below which it is none; likewise */
+static const double ENOUGH = 20;      /* degrees of freedom that tell it */
+static const double POOLED = 20;      /* weight of all axes' variance against an axis' own */
+static const double NOISE = 3;        /* sigmas from which a correlation is none by chance */
+static const double PRIOR_DOF = 10;   /* weight of all lines' variance against a line's own */
+static const double CORRELATED = 0.9; /* of a line's residuals from view to view, at most */
+static const double ALIKE_VIEWS = 10; /* in which what no profile explains is the same */
+static const double CHANCE = 0.1;     /* of misfit, that says nothing */
+static const double FAR = 4;          /* sigmas from which a pose counts less */
+
+/* ---- lines ----------------------------------------------------------------------------------- */
+
+static void sum_views(const window *w, uint32_t place, line_sums *sums) {
+    double r[2];
+    for (uint32_t i = 0; i < w->n_views[place]; i++) {
+        const adj_view *v = &w->p.view[WINDOW_VIEWS * place + i];
+        if (v->line >= w->p.n_lines ||
+            !adj_residual(&w->p, v, &w->p.frame[place].pose, &w->p.line[v->line], r, NULL, NULL))
+            continue;
+        line_sums *o = &sums[v->line];
+        double d2 = adj_distance(v, &w->p.line[v->line], r), weight = adj_weight(&w->p, d2);
+        double offset = sqrt(weight) * (r[0] + r[1]);
+        o->product += offset * o->before;
+        o->square += offset * offset;
+        o->before = offset;
+        o->chi2 += weight * d2 * w->p.line[v->line].variance / w->expected;
+        o->views++;
+        o->misfit += (double)w->misfit[WINDOW_VIEWS * place + i];
+        o->squares += weight * (r[0] * r[0] + r[1] * r[1]) / 2;
+        o->weights += weight;
+    }
+}
+
+static double dof_of(const line_sums *o, double share) {
+    return fmax(2 * o->views * share - 4, 0);
+}
+
+static void weigh_lines(window *w) {
+    double sum = 0, n = 0, views = 0;
+    for (uint32_t i = 0; i < w->p.n_lines; i++)
+        views += w->now[i].views;
+    double share = 1 - w->redundancy / fmax(2 * views, w->redundancy + 1);
+    for (uint32_t i = 0; i < w->p.n_lines; i++) {
+        double dof = dof_of(&w->now[i], share);
+        if (dof < PRIOR_DOF)
+            continue;
+        sum += log(w->now[i].chi2 / dof + 1e-3);
+        n++;
+    }
+    double usual = n > 0 ? exp(sum / n) : 1;
+    for (uint32_t i = 0; i < w->p.n_lines; i++) {
+        const line_sums *o = &w->now[i];
+        double v = (o->chi2 + PRIOR_DOF * usual) / (dof_of(o, share) + PRIOR_DOF);
+        double rho = o->square > 0 ? o->product / o->square - 2 / sqrt(o->views + 1) : 0;
+        rho = fmin(fmax(rho, 0), CORRELATED);
+        w->p.line[i].variance =
+            fmax(v, 1) *
+            (ALIKE_VIEWS * fmax(o->misfit / fmax(o->views, 1) - CHANCE, 0) + (1 + rho) / (1 - rho));
+    }
+}
+
+/* ---- poses ----------------------------------------------------------------------------------- */
+
+/* How far the reported pose is off, in squared sigmas. */
+static double distance(const window *w, uint32_t place) {
+    double e[6], sum = 0;
+    adj_error(&w->p, place, e, NULL, NULL);
+    for (int k = 0; k < 6; k++)
+        sum += e[k] * e[k] / (w->sigma[k] * w->sigma[k]);
+    return sum;
+}
+
+/* By Geman and McClure. */
+double window_pose_weight(const window *w, uint32_t place) {
+    double t = 1 / (1 + distance(w, place) / (FAR * FAR * w->usual));
+    return t * t;
+}
+
+static int by_size(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The median distance, or what it is by the sigmas: as long as these are wrong, nobody is off. */
+static double usual_distance(const window *w) {
+    double d[WINDOW_FRAMES];
+    for (uint32_t i = 0; i < w->n; i++)
+        d[i] = distance(w, window_place(w, i));
+    qsort(d, w->n, sizeof *d, by_size);
+    return w->n > 0 ? fmax(d[w->n / 2], 6) : 6;
+}
+
+/* The i-th oldest frame alone, and with those after it. */
+static void sum_pose(const window *w, uint32_t i, pose_sums *o) {
+    uint32_t place = window_place(w, i);
+    double e[6], later[6], weight = window_pose_weight(w, place);
+    adj_error(&w->p, place, e, NULL, NULL);
+    for (int k = 0; k < 6; k++) {
+        double v = w->sigma[k] * w->sigma[k], r = w->redundant[place][k];
+        o->squares[k] += weight * (e[k] * e[k] - v * r * (1 - r));
+        o->dof[k] += weight * r * r;
+        o->redundancy[k] += weight * r;
+    }
+    for (uint32_t lag = 1; lag < WINDOW_LAGS && i + lag < w->n; lag++) {
+        uint32_t other = window_place(w, i + lag);
+        double both = weight * window_pose_weight(w, other);
+        adj_error(&w->p, other, later, NULL, NULL);
+        for (int k = 0; k < 6; k++) {
+            double t = both / (w->sigma[k] * w->sigma[k]);
+            o->product[lag] += t * e[k] * later[k];
+            o->square[lag] += t * (e[k] * e[k] + later[k] * later[k]) / 2;
+            o->n[lag]++;
+        }
+    }
+}
+
+static double memory_of(const pose_sums *o) {
+    double sum = 1;
+    for (int lag = 1; lag < WINDOW_LAGS; lag++) {
+        if (!(o->product[lag] > NOISE * o->square[lag] / sqrt(o->n[lag] + 1)))
+            break;
+        sum += 2 * o->product[lag] / o->square[lag];
+    }
+    return sum;
+}
+
+/* Of squared errors e² = v² y², y the slope of what else is known, v r (1 - r) is the noise of y,
+ * and r² v0 the poses', v0 their true variance: the sums' ratio is free of bias and goes to 0 where
+ * there is none (after Förstner 1979, whose e² / r stays where it is then). All axes' counts as
+ * some residuals of each: which of two it is that errs, a shift or the turn that looks like it, a
+ * few lines do not tell. */
+static void estimate_sigmas(window *w, const pose_sums *o) {
+    double usual = 0, all = 0;
+    for (int k = 0; k < 6; k++) {
+        usual += o->squares[k] * (k < 3 ? 1 : w->distance * w->distance);
+        all += o->dof[k];
+    }
+    for (int k = 0; all > 0 && k < 6; k++) {
+        double unit = k < 3 ? 1 : 1 / w->distance;
+        double sum = o->squares[k] + POOLED * usual / all * unit * unit;
+        w->sigma[k] = fmax(sqrt(fmax(sum, 0) / (o->dof[k] + POOLED)), LEAST * w->distance * unit);
+    }
+}
+
+static void weigh_poses(window *w) {
+    pose_sums o = w->past_poses;
+    for (uint32_t i = 0; i < w->n; i++)
+        sum_pose(w, i, &o);
+    w->redundancy = 0;
+    for (int k = 0; k < 6; k++) {
+        w->redundancy += o.redundancy[k];
+        w->sigma[k] = START * (k < 3 ? w->distance : 1);
+    }
+    w->determined |= w->redundancy > ENOUGH;
+    if (w->determined)
+        estimate_sigmas(w, &o);
+    w->memory = memory_of(&o);
+    for (int k = 0; k < 6; k++) {
+        double given = k < 3 ? w->params.pose_sigma : w->params.rot_sigma;
+        w->sigma[k] = given > 0 ? given : w->sigma[k];
+        w->p.sigma[k] = w->sigma[k] * sqrt(w->memory);
+    }
+}
+
+void window_weigh(window *w) {
+    memcpy(w->now, w->past, sizeof w->now);
+    for (uint32_t i = 0; i < w->n; i++)
+        sum_views(w, window_place(w, i), w->now);
+    w->usual = usual_distance(w);
+    weigh_poses(w);
+    weigh_lines(w);
+}
+
+void window_sum_oldest(window *w) {
+    sum_views(w, w->first, w->past);
+    sum_pose(w, 0, &w->past_poses);
+}
