@@ -18,6 +18,7 @@ struct reconstruct {
     bool warned;
 };
 
+enum { AHEAD = 3 }; /* tracks that are expected */
 static const double MARGIN = 4; /* px at the border of the picture where nothing is detected */
 
 static const arris_prop props[] = {
@@ -90,11 +91,14 @@ static int process(arris_stage *s, void *self, arris_frame *f) {
     const arris_pose *pose = arris_layer_get(f, ARRIS_POSE);
     if (!pose->valid)
         skip_frame(s, r);
-    for (uint32_t i = 0; i < tracks->n; i++)
+    for (uint32_t i = 0; i < tracks->n; i++) {
+        if (i + AHEAD < tracks->n)
+            scan_expect(r->scan, tracks->item[i + AHEAD].id);
         if (pose->valid)
             add_track(s, r, &tracks->item[i], segments, pose);
         else
             scan_add(r->scan, tracks->item[i].id, NULL);
+    }
     scan_end_frame(r->scan, pose->valid);
     arris_lines *out = arris_layer_give(s, f, ARRIS_LINES);
     scan_write(r->scan, out);

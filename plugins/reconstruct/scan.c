@@ -61,7 +61,7 @@ void scan_free(scan *s) {
 /* The link of the track, or the free place where it would stand: then its `e` is NULL. There are
  * more places than lines. */
 static link *find(link *table, uint32_t mask, uint32_t turn, int32_t track) {
-    uint32_t i = (uint32_t)track * 2654435769u & mask;
+    uint32_t i = (uint32_t)track & mask; /* those that are alive are mostly neighbours */
     while (table[i].turn == turn && table[i].track != track)
         i = (i + 1) & mask;
     if (table[i].turn != turn)
@@ -108,6 +108,12 @@ static entry *earlier(scan *s, int32_t track) {
     }
     s->all_linked = true;
     return find_before(s, track)->e;
+}
+
+void scan_expect(const scan *s, int32_t track) {
+    const char *e = (const char *)find_before(s, track)->e;
+    for (size_t at = 0; e && at < offsetof(entry, l.kept); at += 64)
+        __builtin_prefetch(e + at);
 }
 
 void scan_add(scan *s, int32_t track, view *v) {
