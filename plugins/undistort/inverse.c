@@ -64,15 +64,15 @@ static bool near_bad(const inverse *inv, float x, float y) {
     return cell[0] || cell[1] || cell[inv->columns + 1] || cell[inv->columns + 2];
 }
 
-/* The points that are not good, one by one. Returns how many have no inverse: their x becomes NAN.
- */
+/* Of eight points those that are not good, one by one. Returns how many have no inverse: their x
+ * becomes NAN. */
 __attribute__((noinline)) static uint32_t mend(const inverse *inv, const arris_edge_point *in,
-                                               uint32_t n, const int32_t *good,
-                                               arris_edge_point *out) {
+                                               const int32_t *good, arris_edge_point *out) {
+    static const int lane[LANES] = {0, 4, 1, 5, 2, 6, 3, 7};
     uint32_t dropped = 0;
-    for (uint32_t k = 0; k < n; k++) {
+    for (uint32_t k = 0; k < LANES; k++) {
         arris_edge_point p = in[k];
-        if (good[k] && !(inv->any_bad && near_bad(inv, p.x, p.y)))
+        if (good[lane[k]] && !(inv->any_bad && near_bad(inv, p.x, p.y)))
             continue;
         if (!solve_exactly(inv, &p.x, &p.y))
             p.x = NAN, dropped++;
@@ -81,31 +81,50 @@ __attribute__((noinline)) static uint32_t mend(const inverse *inv, const arris_e
     return dropped;
 }
 
-/* Moves up to LANES points; x becomes NAN where there is no inverse. Returns how often that was. */
-INLINE uint32_t move(const inverse *inv, const arris_edge_point *in, uint32_t n,
-                     arris_edge_point *out) {
+/* Moves eight points; x becomes NAN where there is no inverse. Returns how often that was. The even
+ * points are the first four lanes. */
+INLINE uint32_t move(const inverse *inv, const arris_edge_point in[LANES],
+                     arris_edge_point out[LANES]) {
     float right = (float)(inv->camera.width - 1), bottom = (float)(inv->camera.height - 1);
-    eight x, y;
+    eight p[4], xy[2], x, y;
     eight_ints good, inside;
-    int32_t bad = inv->any_bad;
-    for (uint32_t k = 0; k < LANES; k++)
-        x[k] = in[k < n ? k : 0].x, y[k] = in[k < n ? k : 0].y;
+    memcpy(p, in, sizeof p);
+    for (int k = 0; k < 2; k++)
+        xy[k] = __builtin_shufflevector(p[2 * k], p[2 * k + 1], 0, 1, 8, 9, 4, 5, 12, 13);
+    x = __builtin_shufflevector(xy[0], xy[1], 0, 2, 8, 10, 4, 6, 12, 14);
+    y = __builtin_shufflevector(xy[0], xy[1], 1, 3, 9, 11, 5, 7, 13, 15);
     inside = (x >= 0) & (y >= 0) & (x <= right) & (y <= bottom);
     solve(&inv->lens, &x, &y, &good);
     good &= inside;
-    for (uint32_t k = 0; k < n; k++) {
-        out[k] = (arris_edge_point){x[k], y[k], in[k].gx, in[k].gy};
-        bad |= ~good[k];
+    xy[0] = __builtin_shufflevector(x, y, 0, 8, 1, 9, 4, 12, 5, 13);
+    xy[1] = __builtin_shufflevector(x, y, 2, 10, 3, 11, 6, 14, 7, 15);
+    for (int k = 0; k < 2; k++) {
+        p[2 * k] = __builtin_shufflevector(xy[k], p[2 * k], 0, 1, 10, 11, 4, 5, 14, 15);
+        p[2 * k + 1] = __builtin_shufflevector(xy[k], p[2 * k + 1], 2, 3, 10, 11, 6, 7, 14, 15);
     }
-    return bad ? mend(inv, in, n, (const int32_t *)&good, out) : 0;
+    memcpy(out, p, sizeof p);
+    int32_t bad = inv->any_bad;
+    for (int k = 0; k < LANES; k++)
+        bad |= ~good[k];
+    return bad ? mend(inv, in, (const int32_t *)&good, out) : 0;
 }
 
 INLINE uint32_t move_all(const inverse *inv, const arris_edge_point *in, uint32_t n,
                          arris_edge_point *out) {
     uint32_t dropped = 0, i = 0;
     for (; i + LANES <= n; i += LANES)
-        dropped += move(inv, in + i, LANES, out + i);
-    return i < n ? dropped + move(inv, in + i, n - i, out + i) : dropped;
+        dropped += move(inv, in + i, out + i);
+    if (i == n)
+        return dropped;
+    arris_edge_point from[LANES], to[LANES];
+    for (uint32_t k = 0; k < LANES; k++)
+        from[k] = in[i + k < n ? i + k : i];
+    move(inv, from, to);
+    for (uint32_t k = 0; i < n; i++, k++) {
+        out[i] = to[k];
+        dropped += isnan(to[k].x);
+    }
+    return dropped;
 }
 
 static uint32_t move_portable(const inverse *inv, const arris_edge_point *in, uint32_t n,
@@ -221,6 +240,13 @@ uint32_t inverse_edges(const inverse *inv, const arris_edges *in, const arris_ca
     out->lost_chains = in->lost_chains;
     out->noise = in->noise;
     out->camera = ideal;
+    if (in->n <= out->max && in->n_chains <= out->max_chains &&
+        move_points(inv, in->point, in->n, out->point) == 0) {
+        memcpy(out->chain, in->chain, in->n_chains * sizeof *in->chain);
+        out->n = in->n;
+        out->n_chains = in->n_chains;
+        return 0;
+    }
     for (uint32_t i = 0; i < in->n_chains; i++)
         dropped += undistort_chain(inv, in, &in->chain[i], out);
     return dropped;
