@@ -16,17 +16,15 @@ void blur_forecast(const viewpoint *v, double depth, forecast *f) {
         f->cov[i] += var;
 }
 
-/* n' C n of the 3x3 block (i, j) of the covariance of (p, q), of which the upper triangle is given.
- */
-static double along(const double cov[21], int i, int j, const double n[3]) {
-    double sum = 0;
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) {
-            int row = 3 * i + a, column = 3 * j + b;
-            int least = row < column ? row : column, most = row + column - least;
-            sum += cov[least * (11 - least) / 2 + most] * n[a] * n[b];
+/* n' C n of the 3x3 blocks C of the covariance of (p, q): of p, of p and q, of q. */
+static void along(const double cov[21], const double n[3], double v[3]) {
+    const double m[6] = {n[0], n[1], n[2], n[0], n[1], n[2]};
+    v[0] = v[1] = v[2] = 0;
+    for (int i = 0, k = 0; i < 6; i++)
+        for (int j = i; j < 6; j++, k++) {
+            bool twice = i != j && (i > 2) == (j > 2);
+            v[(i > 2) + (j > 2)] += (twice ? 2 : 1) * cov[k] * m[i] * m[j];
         }
-    return sum;
 }
 
 /* What is in front of the camera, as places between p (0) and q (1); z is their depths. */
@@ -52,7 +50,7 @@ bool in_picture(const arris_camera *c, const arris_segment *s) {
 }
 
 bool foresee(const arris_line *l, const viewpoint *v, forecast *f, double *depth) {
-    double place[2], z[2], e[4], n[3], w[2];
+    double place[2], z[2], e[4], n[3], w[2], var[3];
     if (!in_front(l, v->pose, place, z))
         return false;
     for (int i = 0; i < 2; i++) {
@@ -64,12 +62,12 @@ bool foresee(const arris_line *l, const viewpoint *v, forecast *f, double *depth
     }
     if (arris_view_plane(v->camera, v->pose, e, n))
         return false;
-    double pp = along(l->cov, 0, 0, n), pq = along(l->cov, 0, 1, n), qq = along(l->cov, 1, 1, n);
+    along(l->cov, n, var);
     *f = (forecast){.line = true};
     for (int i = 0; i < 3; i++) {
         double a = place[i / 2], b = place[(i + 1) / 2];
         f->cov[i] = w[i / 2] * w[(i + 1) / 2] *
-                    ((1 - a) * (1 - b) * pp + (a + b - 2 * a * b) * pq + a * b * qq);
+                    ((1 - a) * (1 - b) * var[0] + (a + b - 2 * a * b) * var[1] + a * b * var[2]);
     }
     *depth = (z[0] + z[1]) / 2;
     blur_forecast(v, *depth, f);

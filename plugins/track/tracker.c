@@ -116,13 +116,22 @@ static double find_pairs(tracker *t, int32_t number) {
     return 1 - least;
 }
 
-static int likeliest_first(const void *a, const void *b) {
-    const pair *p = a, *q = b;
+static bool likelier(const pair *p, const pair *q) {
     if (p->cost != q->cost)
-        return p->cost < q->cost ? -1 : 1;
-    if (p->track != q->track)
-        return p->track < q->track ? -1 : 1;
-    return (p->segment > q->segment) - (p->segment < q->segment);
+        return p->cost < q->cost;
+    return p->track != q->track ? p->track < q->track : p->segment < q->segment;
+}
+
+/* The likeliest first (Shell, 1959). */
+static void sort_pairs(pair *p, size_t n) {
+    for (size_t gap = n / 2; gap > 0; gap = gap == 2 ? 1 : gap * 5 / 11)
+        for (size_t i = gap; i < n; i++) {
+            pair moved = p[i];
+            size_t k = i;
+            for (; k >= gap && likelier(&moved, &p[k - gap]); k -= gap)
+                p[k] = p[k - gap];
+            p[k] = moved;
+        }
 }
 
 /* The track goes on with the segment. `v`: from where it was seen; NULL: unknown. */
@@ -160,7 +169,7 @@ static bool find_all_pairs(tracker *t) {
 
 /* Joins what is likeliest. */
 static void join(tracker *t, const viewpoint *v) {
-    qsort(t->pair, t->n_pairs, sizeof *t->pair, likeliest_first);
+    sort_pairs(t->pair, t->n_pairs);
     for (size_t i = 0; i < t->n_pairs; i++) {
         const pair *p = &t->pair[i];
         if (!t->taken[p->segment] && t->track[p->track].segment < 0)
