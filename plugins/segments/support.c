@@ -7,6 +7,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "lanes.h"
+
 #define REACH 1.25f       /* px of a row, from where the line is foreseen to where it is */
 #define BLOCK 32.0        /* px along which a lens bends no line by more than 0.1 px */
 #define SHARP 0.995f      /* share of a step within 1.5 px that no lens exceeds */
@@ -55,35 +57,35 @@ static int lines_of(const support *s) {
     return s->columns ? s->image->width : s->image->height;
 }
 
-static float level(const uint8_t *p, bool wide) {
+INLINE int32_t level(const uint8_t *p, bool wide) {
     return wide ? *(const uint16_t *)(const void *)p : *p;
 }
 
 /* Looks at row v, which the line crosses at u. */
-static void look(const support *s, const course *c, int v, float u, float t) {
+INLINE void look(const support *s, const course *c, int v, float u, float t, bool wide) {
     const arris_image *im = s->image;
     support_row *r = &s->row[v];
     int width = s->columns ? im->height : im->width;
     *r = (support_row){.u = u, .t = t};
     if (!(u >= MARGIN && u < (float)(width - 1 - MARGIN)))
         return;
-    bool wide = im->format == ARRIS_GREY16;
-    ptrdiff_t size = (ptrdiff_t)im->format, step = s->columns ? im->stride : size;
+    ptrdiff_t size = wide ? 2 : 1, step = s->columns ? im->stride : size;
     int b = (int)u; /* the last pixel before the line */
     const uint8_t *p = im->data + v * (s->columns ? size : im->stride) + b * step;
-    float near0 = level(p - step, wide), near1 = level(p + 2 * step, wide);
-    float before = (level(p - 3 * step, wide) + level(p - 2 * step, wide)) / 2;
-    float behind = (level(p + 3 * step, wide) + level(p + 4 * step, wide)) / 2;
-    float inner = near0 + level(p, wide) + level(p + step, wide) + near1;
-    r->step = c->sign * (behind - before);
-    r->core = c->sign * (near1 - near0);
-    r->off = r->step * ((float)b + 0.5f - u) + c->sign * (2 * (before + behind) - inner);
+    int32_t near0 = level(p - step, wide), near1 = level(p + 2 * step, wide);
+    int32_t before = level(p - 3 * step, wide) + level(p - 2 * step, wide);
+    int32_t behind = level(p + 3 * step, wide) + level(p + 4 * step, wide);
+    int32_t inner = near0 + level(p, wide) + level(p + step, wide) + near1;
+    r->step = c->sign * (float)(behind - before) / 2;
+    r->core = c->sign * (float)(near1 - near0);
+    r->off = r->step * ((float)b + 0.5f - u) + c->sign * (float)(before + behind - inner);
 }
 
 /* Looks at the rows between two places along the line that it has not looked at. */
 static void look_between(support *s, const course *c, double t0, double t1) {
     int blocks = s->lens ? 1 + (int)((t1 - t0) / BLOCK) : 1, lines = lines_of(s);
     int first = s->first, end = s->end;
+    bool wide = s->image->format == ARRIS_GREY16;
     node a = node_at(s, c, t0);
     for (int k = 1; k <= blocks; k++) {
         double ta = t0 + (t1 - t0) * (k - 1) / blocks, tb = t0 + (t1 - t0) * k / blocks;
@@ -91,10 +93,11 @@ static void look_between(support *s, const course *c, double t0, double t1) {
         double slope = 1 / (b.v - a.v);
         int v = a.v > MARGIN ? (int)ceil(a.v) : MARGIN;
         for (; v < lines - MARGIN && v < b.v && b.v > a.v; v++) {
-            double w = (v - a.v) * slope;
             if (v >= first && v < end)
                 continue;
-            look(s, c, v, (float)(a.u + w * (b.u - a.u)), (float)(ta + w * (tb - ta)));
+            double w = (v - a.v) * slope;
+            float u = (float)(a.u + w * (b.u - a.u)), t = (float)(ta + w * (tb - ta));
+            wide ? look(s, c, v, u, t, true) : look(s, c, v, u, t, false);
             s->first = v < s->first ? v : s->first;
             s->end = v >= s->end ? v + 1 : s->end;
         }
