@@ -182,12 +182,15 @@ static void add_runs(guide *g, double margin) {
     uint32_t last = 0;
     for (uint32_t i = 0; i < g->n_runs && !g->regions.full; i++) {
         const run *r = &g->run[i];
-        for (int k = 0; k < 2; k++) {
-            double x0 = (double)r->x[k], y0 = (double)r->y[k];
-            double x1 = (double)r->x[k + 1], y1 = (double)r->y[k + 1];
-            if (!regions_have(&g->regions, x0, y0, x1, y1, margin) && !is_explained(g, r, &last))
-                regions_add(&g->regions, x0, y0, x1, y1, margin);
-        }
+        double x[3], y[3];
+        for (int k = 0; k < 3; k++)
+            x[k] = (double)r->x[k], y[k] = (double)r->y[k];
+        if ((regions_have(&g->regions, x[0], y[0], x[1], y[1], margin) &&
+             regions_have(&g->regions, x[1], y[1], x[2], y[2], margin)) ||
+            is_explained(g, r, &last))
+            continue;
+        for (int k = 0; k < 2; k++)
+            regions_add(&g->regions, x[k], y[k], x[k + 1], y[k + 1], margin);
     }
 }
 

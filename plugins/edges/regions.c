@@ -66,10 +66,11 @@ void regions_add(regions *r, double x0, double y0, double x1, double y1, double 
 }
 
 bool regions_have(const regions *r, double x0, double y0, double x1, double y1, double margin) {
+    double left = (x0 < x1 ? x0 : x1) - margin, right = (x0 < x1 ? x1 : x0) + margin;
+    double top = (y0 < y1 ? y0 : y1) - margin, bottom = (y0 < y1 ? y1 : y0) + margin;
     for (uint32_t i = 0; i < r->n; i++) {
         const canny_region *a = &r->item[i];
-        if (fmin(x0, x1) - margin >= a->x && fmax(x0, x1) + margin < a->x + a->width &&
-            fmin(y0, y1) - margin >= a->y && fmax(y0, y1) + margin < a->y + a->height)
+        if (left >= a->x && right < a->x + a->width && top >= a->y && bottom < a->y + a->height)
             return true;
     }
     return false;
