@@ -29,27 +29,33 @@ static void residuals_have_their_derivatives(void **unused) {
     state = 7;
     simulate(&plan, &r, &lines);
     make_problem(&r, &lines, &p);
+    adj_set_common(&p, ADJ_LENS);
     assert_true(p.n_views > 20);
     for (uint32_t i = 0; i < p.n_views; i++) {
         const adj_view *v = &p.view[i];
-        double r0[2], Jp[2][6], Jl[2][4], lo[2], hi[2];
+        double r0[2], Jp[2][6], Jl[2][4], Jc[2][ADJ_LENS_TERMS], lo[2], hi[2];
         adj_pose pose = p.frame[v->frame].pose;
         adj_line line = p.line[v->line];
         memcpy(pose.R, sim.pose[v->frame].R, sizeof pose.R);
         assert_true(adj_residual(&p, v, &pose, &line, r0, Jp, Jl));
-        for (int k = 0; k < 10; k++) {
+        adj_residual_lens(&p, v, &pose, &line, Jc);
+        for (int k = 0; k < 14; k++) {
             double h = k < 3 ? 1e-3 : k < 6 ? 1e-6 : 1e-3, d[6] = {0};
             for (int side = -1; side <= 1; side += 2) {
                 adj_pose moved = pose;
                 adj_line shifted = line;
                 if (k < 6)
                     d[k] = side * h, adj_pose_move(&moved, d);
-                else
+                else if (k < 10)
                     shifted.x[k - 6] += side * h;
+                else
+                    p.state[k - 10] = side * h;
                 assert_true(adj_residual(&p, v, &moved, &shifted, side < 0 ? lo : hi, NULL, NULL));
+                memset(p.state, 0, sizeof p.state);
             }
             for (int q = 0; q < 2; q++) {
-                double J = k < 6 ? Jp[q][k] : Jl[q][k - 6], found = (hi[q] - lo[q]) / (2 * h);
+                double J = k < 6 ? Jp[q][k] : k < 10 ? Jl[q][k - 6] : Jc[q][k - 10];
+                double found = (hi[q] - lo[q]) / (2 * h);
                 assert_true(fabs(found - J) < 1e-5 * (1 + fabs(J)));
             }
         }
@@ -68,7 +74,7 @@ static void errors_have_their_derivatives(void **unused) {
     state = 9;
     simulate(&plan, &r, &lines);
     make_problem(&r, &lines, &p);
-    adj_set_common(&p, ADJ_SCALE | ADJ_DRIFT | ADJ_HAND_EYE | ADJ_DELAY);
+    adj_set_common(&p, ADJ_SCALE | ADJ_DRIFT | ADJ_HAND_EYE | ADJ_DELAY | ADJ_LENS);
     assert_int_equal(adj_n_common(&p), ADJ_COMMON);
     double turn[6] = {1, 2, 3, 0.1, -0.2, 0.15}, e[6], J[9], G[6][ADJ_COMMON], h = 1e-6;
     adj_pose_move(&p.frame[2].pose, turn);
@@ -107,7 +113,7 @@ static void back_ends_agree(void **unused) {
     arris_lines lines = {0};
     state = 3;
     simulate(&plan, &r, &lines);
-    for (unsigned common = 0; common <= 15; common += 15) {
+    for (unsigned common = 0; common <= 31; common += 31) {
         double cost[2], place[2][3], cov[2][16];
         for (int b = 0; b < 2; b++) {
             adj_problem p;

@@ -29,7 +29,7 @@ static const char help[] =
     "  --pose-sigma MM   noise of the reported positions, per axis; otherwise it is estimated\n"
     "  --rot-sigma RAD   noise of the reported rotations, per axis; otherwise it is estimated\n"
     "  --states LIST     what else the poses have in common, with commas between: scale, drift,\n"
-    "                    hand-eye, delay\n"
+    "                    hand-eye, delay; and the pictures: lens\n"
     "  --robust SIGMAS   from which a segment counts less (4); 0: never\n"
     "  --solver NAME     cholmod (the default) or eigen\n"
     "  --truth FILE      a frames.csv with the true poses, to compare with\n"
@@ -61,16 +61,17 @@ static int read_number(const char *option, const char *text, double max, double 
 }
 
 static int read_states(const char *text, unsigned *common, fault *f) {
-    static const char *const names[] = {"scale", "drift", "hand-eye", "delay"};
+    static const char *const names[] = {"scale", "drift", "hand-eye", "delay", "lens"};
     char copy[100], *next = copy, *word;
     snprintf(copy, sizeof copy, "%s", text);
     while ((word = strsep(&next, ","))) {
         int i = 0;
-        while (i < 4 && strcmp(word, names[i]) != 0)
+        while (i < 5 && strcmp(word, names[i]) != 0)
             i++;
-        if (i == 4)
+        if (i == 5)
             return fault_set(f, ARRIS_E_USAGE, hint,
-                             "--states %.40s: expected one of scale, drift, hand-eye, delay", word);
+                             "--states %.40s: expected one of scale, drift, hand-eye, delay, lens",
+                             word);
         *common |= 1u << i;
     }
     return 0;

@@ -22,12 +22,17 @@ static void whiten(const adj_view *v, double weight, adj_rows *o) {
         o->Jp[1][i] = b * (o->Jp[1][i] - c * o->Jp[0][i]), o->Jp[0][i] *= a;
     for (int i = 0; i < 4; i++)
         o->Jl[1][i] = b * (o->Jl[1][i] - c * o->Jl[0][i]), o->Jl[0][i] *= a;
+    for (int i = 0; i < ADJ_LENS_TERMS; i++)
+        o->Jc[1][i] = b * (o->Jc[1][i] - c * o->Jc[0][i]), o->Jc[0][i] *= a;
 }
 
 bool adj_linearise(const adj_problem *p, const adj_view *v, adj_rows *o) {
     const adj_line *l = &p->line[v->line];
     if (!adj_residual(p, v, &p->frame[v->frame].pose, l, o->r, o->Jp, o->Jl))
         return false;
+    memset(o->Jc, 0, sizeof o->Jc);
+    if (p->common & ADJ_LENS)
+        adj_residual_lens(p, v, &p->frame[v->frame].pose, l, o->Jc);
     double weight = v->apart ? 0 : adj_weight(p, adj_distance(v, l, o->r));
     whiten(v, weight / (l->variance * l->memory), o);
     return true;
@@ -49,6 +54,22 @@ static void add_view(adj_system *s, const adj_problem *p, uint32_t view, const a
         for (int r = 0; r <= c; r++)
             column[own + r] += o->Jp[0][r] * o->Jp[0][c] + o->Jp[1][r] * o->Jp[1][c];
         s->rhs[frame + c] -= o->Jp[0][c] * o->r[0] + o->Jp[1][c] * o->r[1];
+    }
+}
+
+/* The lens states' share of it, in the border. */
+static void add_lens(adj_system *s, const adj_view *v, const adj_rows *o) {
+    int line = 4 * (int)v->line, frame = s->poses + 6 * (int)v->frame;
+    int first = s->S.n - ADJ_LENS_TERMS;
+    for (int c = 0; c < ADJ_LENS_TERMS; c++) {
+        double *to = s->S.val + s->S.ptr[first + c], a = o->Jc[0][c], b = o->Jc[1][c];
+        for (int r = 0; r < 4; r++)
+            to[line + r] += o->Jl[0][r] * a + o->Jl[1][r] * b;
+        for (int r = 0; r < 6; r++)
+            to[frame + r] += o->Jp[0][r] * a + o->Jp[1][r] * b;
+        for (int r = 0; r <= c; r++)
+            to[first + r] += o->Jc[0][r] * a + o->Jc[1][r] * b;
+        s->rhs[first + c] -= a * o->r[0] + b * o->r[1];
     }
 }
 
@@ -96,10 +117,11 @@ static void add_border(adj_system *s, const error *o, uint32_t frame, int axis, 
     const double *G = o->G[axis];
     for (int c = 0; c < s->S.n - s->common; c++) {
         double *to = s->S.val + s->S.ptr[s->common + c];
+        int own = s->poses - s->border + 6 * (int)frame;
         for (int r = 0; r < 6; r++)
-            to[6 * frame + (uint32_t)r] -= o->D[axis][r] * t * G[c];
+            to[own + r] -= o->D[axis][r] * t * G[c];
         for (int r = 0; r <= c; r++)
-            to[s->common - s->poses + r] += t * G[r] * G[c];
+            to[s->common - s->border + r] += t * G[r] * G[c];
         s->rhs[s->common + c] += t * G[c] * o->e[axis];
     }
 }
@@ -131,6 +153,8 @@ bool adj_system_fill(adj_system *s, const adj_problem *p, double damping) {
         if (!adj_linearise(p, &p->view[i], &o))
             return false;
         add_view(s, p, i, &o);
+        if (p->common & ADJ_LENS)
+            add_lens(s, &p->view[i], &o);
     }
     for (uint32_t i = 0; i < p->n_lines; i++)
         add_line(s, p, i);

@@ -89,35 +89,6 @@ int64_t adj_add_view(adj_problem *p, uint32_t frame, uint32_t line, const arris_
     return p->n_views++;
 }
 
-/* ---- common states --------------------------------------------------------------------------- */
-
-static const struct {
-    unsigned bit;
-    int n;
-    double sigma[2]; /* of the first three and of the others */
-} commons[] = {{ADJ_SCALE, 1, {0.01, 0}},
-               {ADJ_DRIFT, 6, {1, 1e-3}},
-               {ADJ_HAND_EYE, 6, {5, 1e-2}},
-               {ADJ_DELAY, 1, {0.05, 0}}};
-enum { COMMONS = sizeof commons / sizeof *commons };
-
-int adj_n_common(const adj_problem *p) {
-    int n = 0;
-    for (int i = 0; i < COMMONS; i++)
-        n += p->common & commons[i].bit ? commons[i].n : 0;
-    return n;
-}
-
-void adj_set_common(adj_problem *p, unsigned common) {
-    int n = 0;
-    p->common = common;
-    for (int i = 0; i < COMMONS; i++)
-        for (int k = 0; common & commons[i].bit && k < commons[i].n; k++, n++) {
-            p->state[n] = 0;
-            p->state_sigma[n] = commons[i].sigma[k / 3];
-        }
-}
-
 /* ---- moving ---------------------------------------------------------------------------------- */
 
 void adj_line_points(const adj_line *l, double P[3], double Q[3]) {
@@ -171,6 +142,28 @@ static void by_normal(const arris_camera *c, const double R[9], const double g[3
     world(R, k, out);
 }
 
+void adj_lens(const arris_camera *c, const double x[2], double by[ADJ_LENS_TERMS][2]) {
+    double edge = c->width / 2.0, u = (x[0] - c->cx) / edge;
+    double v = (x[1] - c->cy) / edge * c->fx / c->fy, r2 = u * u + v * v;
+    double to[ADJ_LENS_TERMS][2] = {{u * r2, v * r2},
+                                    {u * r2 * r2, v * r2 * r2},
+                                    {2 * u * v, r2 + 2 * v * v},
+                                    {r2 + 2 * u * u, 2 * u * v}};
+    memcpy(by, to, sizeof to);
+}
+
+/* The end of a segment but for the distortion that is left. */
+static void ideal_end(const adj_problem *p, const double end[2], double x[2]) {
+    double by[ADJ_LENS_TERMS][2];
+    memcpy(x, end, 2 * sizeof *x);
+    if (!(p->common & ADJ_LENS))
+        return;
+    const double *lens = p->state + adj_n_common(p) - ADJ_LENS_TERMS;
+    adj_lens(&p->camera, end, by);
+    for (int i = 0; i < ADJ_LENS_TERMS; i++)
+        x[0] += lens[i] * by[i][0], x[1] += lens[i] * by[i][1];
+}
+
 /* The derivatives of a residual whose derivative by n is g. */
 static void derive(const double g[3], const double A[3], const double B[3], const double n[3],
                    const adj_line *l, double Jp[6], double Jl[4]) {
@@ -213,6 +206,15 @@ static bool in_front(const adj_problem *p, const adj_pose *pose, const double A[
     return true;
 }
 
+/* The picture m of a line whose plane has the normal n; returns the length that makes distances of
+ * it, those to the right of the segment above 0. */
+static double seen_as(const adj_problem *p, const adj_view *v, const adj_pose *pose,
+                      const double n[3], double m[3]) {
+    double dx = v->end[1][0] - v->end[0][0], dy = v->end[1][1] - v->end[0][1];
+    picture_line(&p->camera, pose->R, n, m);
+    return copysign(hypot(m[0], m[1]), m[1] * dx - m[0] * dy);
+}
+
 bool adj_residual(const adj_problem *p, const adj_view *v, const adj_pose *pose,
                   const adj_line *line, double r[2], double Jp[2][6], double Jl[2][4]) {
     double A[3], B[3], n[3], m[3], g[3];
@@ -222,11 +224,10 @@ bool adj_residual(const adj_problem *p, const adj_view *v, const adj_pose *pose,
     if (!in_front(p, pose, A, B, v, BEHIND * line->hold))
         return false;
     arris_cross(A, B, n);
-    picture_line(&p->camera, pose->R, n, m);
-    double dx = v->end[1][0] - v->end[0][0], dy = v->end[1][1] - v->end[0][1];
-    double norm = copysign(hypot(m[0], m[1]), m[1] * dx - m[0] * dy);
+    double norm = seen_as(p, v, pose, n, m);
     for (int k = 0; k < 2; k++) {
-        const double *x = v->end[k];
+        double x[2];
+        ideal_end(p, v->end[k], x);
         r[k] = (m[0] * x[0] + m[1] * x[1] + m[2]) / norm;
         double along = r[k] / norm;
         double by_m[3] = {(x[0] - along * m[0]) / norm, (x[1] - along * m[1]) / norm, 1 / norm};
@@ -236,6 +237,21 @@ bool adj_residual(const adj_problem *p, const adj_view *v, const adj_pose *pose,
         derive(g, A, B, n, line, Jp ? Jp[k] : NULL, Jl ? Jl[k] : NULL);
     }
     return true;
+}
+
+void adj_residual_lens(const adj_problem *p, const adj_view *v, const adj_pose *pose,
+                       const adj_line *line, double J[2][ADJ_LENS_TERMS]) {
+    double A[3], B[3], n[3], m[3], by[ADJ_LENS_TERMS][2];
+    adj_line_points(line, A, B);
+    for (int i = 0; i < 3; i++)
+        A[i] -= pose->C[i], B[i] -= pose->C[i];
+    arris_cross(A, B, n);
+    double norm = seen_as(p, v, pose, n, m);
+    for (int k = 0; k < 2; k++) {
+        adj_lens(&p->camera, v->end[k], by);
+        for (int i = 0; i < ADJ_LENS_TERMS; i++)
+            J[k][i] = (m[0] * by[i][0] + m[1] * by[i][1]) / norm;
+    }
 }
 
 double adj_distance(const adj_view *v, const adj_line *l, const double r[2]) {
@@ -252,93 +268,6 @@ double adj_loss(const adj_problem *p, double d2) {
 double adj_weight(const adj_problem *p, double d2) {
     double c2 = p->robust * p->robust;
     return c2 > 0 ? 1 / (1 + d2 / c2) : 1;
-}
-
-/* ---- what was reported ----------------------------------------------------------------------- */
-
-/* The rotation vector w of R = R0 exp[-w]; and the derivative of w when R is turned further. */
-static void turned(const double R[9], const double R0[9], double w[3], double J[9]) {
-    double E[9]; /* exp[w] = R' R0 */
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            E[3 * i + j] = R[i] * R0[j] + R[3 + i] * R0[3 + j] + R[6 + i] * R0[6 + j];
-    double s[3] = {(E[7] - E[5]) / 2, (E[2] - E[6]) / 2, (E[3] - E[1]) / 2};
-    double sine = sqrt(arris_dot(s, s)), t = atan2(sine, (E[0] + E[4] + E[8] - 1) / 2);
-    for (int i = 0; i < 3; i++)
-        w[i] = sine > 1e-8 ? s[i] * t / sine : s[i];
-    if (!J)
-        return;
-    double k = t > 1e-3 ? 1 / (t * t) - (1 + cos(t)) / (2 * t * sine) : 1 / 12.0;
-    double W[9] = {0, -w[2], w[1], w[2], 0, -w[0], -w[1], w[0], 0};
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            J[3 * i + j] = (i == j) - W[3 * i + j] / 2 + k * (w[i] * w[j] - (i == j) * t * t);
-}
-
-/* By how much the reported pose moves a second. */
-static void velocity(const adj_problem *p, uint32_t frame, double v[6]) {
-    uint32_t a = frame > 0 ? frame - 1 : 0, b = frame + 1 < p->n_frames ? frame + 1 : frame;
-    const adj_frame *f = &p->frame[a], *g = &p->frame[b];
-    double dt = g->time - f->time;
-    memset(v, 0, 6 * sizeof *v);
-    if (!(dt > 0))
-        return;
-    turned(g->reported.R, f->reported.R, v + 3, NULL);
-    for (int i = 0; i < 3; i++) {
-        v[i] = (g->reported.C[i] - f->reported.C[i]) / dt;
-        v[i + 3] /= dt;
-    }
-}
-
-/* Columns of G, in the order of the states. */
-static void add_scale(const adj_problem *p, uint32_t frame, double G[6][ADJ_COMMON], int at) {
-    const double *first = p->frame[0].reported.C, *last = p->frame[p->n_frames - 1].reported.C;
-    for (int i = 0; i < 3; i++)
-        G[i][at] = p->frame[frame].reported.C[i] - (first[i] + last[i]) / 2;
-}
-
-static void add_drift(const adj_problem *p, uint32_t frame, double G[6][ADJ_COMMON], int at) {
-    double first = p->frame[0].time, span = p->frame[p->n_frames - 1].time - first;
-    double t = span > 0 ? (p->frame[frame].time - first) / span - 0.5 : 0;
-    for (int i = 0; i < 6; i++)
-        G[i][at + i] = t;
-}
-
-static void add_hand_eye(const adj_problem *p, uint32_t frame, double G[6][ADJ_COMMON], int at) {
-    const double *R = p->frame[frame].reported.R;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++)
-            G[i][at + j] = G[i + 3][at + j + 3] = R[3 * j + i];
-}
-
-static void add_delay(const adj_problem *p, uint32_t frame, double G[6][ADJ_COMMON], int at) {
-    double v[6];
-    velocity(p, frame, v);
-    for (int i = 0; i < 6; i++)
-        G[i][at] = v[i];
-}
-
-void adj_error(const adj_problem *p, uint32_t frame, double e[6], double J[9],
-               double G[6][ADJ_COMMON]) {
-    typedef void add(const adj_problem *, uint32_t, double[6][ADJ_COMMON], int);
-    static add *const adds[COMMONS] = {add_scale, add_drift, add_hand_eye, add_delay};
-    const adj_frame *f = &p->frame[frame];
-    double own[6][ADJ_COMMON], (*g)[ADJ_COMMON] = G ? G : own;
-    int n = 0;
-    for (int i = 0; i < 3; i++)
-        e[i] = f->pose.C[i] - f->reported.C[i];
-    turned(f->pose.R, f->reported.R, e + 3, J);
-    if (!p->common)
-        return;
-    memset(g, 0, sizeof own);
-    for (int i = 0; i < COMMONS; i++)
-        if (p->common & commons[i].bit) {
-            adds[i](p, frame, g, n);
-            n += commons[i].n;
-        }
-    for (int i = 0; i < 6; i++)
-        for (int k = 0; k < n; k++)
-            e[i] -= g[i][k] * p->state[k];
 }
 
 double adj_precision(const adj_problem *p, int axis, uint32_t frame) {

@@ -4,10 +4,11 @@
  * it, and how one bears on the other. No dependency on the runtime.
  *
  * Unknown are the poses, six numbers each, the lines, four each, and what the scan's reported poses
- * have in common: their scale, a drift, the camera's place on the flange, a delay of the stamps.
- * Seen were segments; each is two residuals, the distances (px) from its line's picture to its two
- * ends. What was reported of the poses is a prior, whose errors are taken for independent; where
- * they hang together from frame to frame, adjust.h says what comes of it.
+ * have in common: their scale, a drift, the camera's place on the flange, a delay of the stamps;
+ * and what the lens model left. Seen were segments; each is two residuals, the distances (px) from
+ * its line's picture to its two ends. What was reported of the poses is a prior, whose errors are
+ * taken for independent; where they hang together from frame to frame, adjust.h says what comes of
+ * it.
  */
 #ifndef ADJUST_PROBLEM_H
 #define ADJUST_PROBLEM_H
@@ -18,10 +19,10 @@
 extern "C" {
 #endif
 
-enum { ADJ_POSE = 6, ADJ_LINE = 4, ADJ_COMMON = 14 };
+enum { ADJ_POSE = 6, ADJ_LINE = 4, ADJ_LENS_TERMS = 4, ADJ_COMMON = 18 };
 
-/* What the reported poses may have in common, as bits. */
-enum { ADJ_SCALE = 1, ADJ_DRIFT = 2, ADJ_HAND_EYE = 4, ADJ_DELAY = 8 };
+/* What the reported poses may have in common, and the pictures, as bits. */
+enum { ADJ_SCALE = 1, ADJ_DRIFT = 2, ADJ_HAND_EYE = 4, ADJ_DELAY = 8, ADJ_LENS = 16 };
 
 typedef struct adj_pose {
     double C[3], R[9]; /* as of arris_pose */
@@ -63,9 +64,10 @@ typedef struct adj_problem {
     double sigma[ADJ_POSE]; /* of a reported pose by axis, mm and rad */
     double robust;          /* sigmas from which a segment counts less (Cauchy's loss); 0: never */
     unsigned common;        /* which of the common states are estimated */
-    double state[ADJ_COMMON]; /* those that are, in the order of the bits: 1, 6, 6, 1 numbers: */
+    double state[ADJ_COMMON]; /* those that are, in the order of the bits: 1, 6, 6, 1, 4 numbers: */
                               /* relative; mm and rad at the scan's end, minus that at its */
-                              /* beginning; mm and rad, of the camera's axes; s */
+                              /* beginning; mm and rad, of the camera's axes; s; */
+                              /* px: see adj_lens */
     double state_sigma[ADJ_COMMON]; /* of them beforehand */
 } adj_problem;
 
@@ -85,7 +87,7 @@ int64_t adj_add_line(adj_problem *p, const double P[3], const double Q[3], doubl
 int64_t adj_add_view(adj_problem *p, uint32_t frame, uint32_t line, const arris_segment *s);
 
 /* Which common states are estimated, and how well they are known beforehand; by default 1 %, 1 mm,
- * 1 mrad, 5 mm, 10 mrad, 50 ms. */
+ * 1 mrad, 5 mm, 10 mrad, 50 ms, 1 px. */
 void adj_set_common(adj_problem *p, unsigned common);
 int adj_n_common(const adj_problem *p);
 
@@ -100,6 +102,14 @@ void adj_pose_move(adj_pose *pose, const double d[6]);
  * are NULL. False, and nothing is written, when the line is not in front of the camera there. */
 bool adj_residual(const adj_problem *p, const adj_view *v, const adj_pose *pose,
                   const adj_line *line, double r[2], double Jp[2][6], double Jl[2][4]);
+
+/* How the distortion that is left moves the ideal pixel x (px by each lens state, which is px at
+ * half the picture's width from the centre): as k1, k2, p1, p2 do (Brown 1971). */
+void adj_lens(const arris_camera *c, const double x[2], double by[ADJ_LENS_TERMS][2]);
+
+/* The derivatives of the residuals by the lens states. The line is in front of the camera. */
+void adj_residual_lens(const adj_problem *p, const adj_view *v, const adj_pose *pose,
+                       const adj_line *line, double J[2][ADJ_LENS_TERMS]);
 
 /* Squared distance r' cov⁻¹ r in sigmas of the line's own variance; 2 degrees of freedom. */
 double adj_distance(const adj_view *v, const adj_line *l, const double r[2]);

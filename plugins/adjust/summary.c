@@ -152,7 +152,8 @@ static void print_states(FILE *out, const adjusted *a) {
     } groups[] = {{ADJ_SCALE, 1, "scale, relative          "},
                   {ADJ_DRIFT, 6, "drift, mm and rad        "},
                   {ADJ_HAND_EYE, 6, "hand-eye, mm and rad     "},
-                  {ADJ_DELAY, 1, "delay, s                 "}};
+                  {ADJ_DELAY, 1, "delay, s                 "},
+                  {ADJ_LENS, ADJ_LENS_TERMS, "lens, px at the edge     "}};
     const double *v = a->state;
     for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {
         if (!(a->common & groups[i].bit))

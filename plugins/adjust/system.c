@@ -20,7 +20,8 @@ static int reserve_matrix(adj_system *s, size_t entries) {
 
 /* A triangle of 4 for a line, 4x6 for a view, a triangle of 6 for a frame, and the border. */
 static size_t count_entries(size_t lines, size_t views, size_t frames) {
-    return 10 * lines + 24 * views + (21 + 6 * ADJ_COMMON) * frames + ADJ_COMMON * ADJ_COMMON + 1;
+    return 10 * lines + 24 * views + 21 * frames + 1 +
+           (4 * lines + 6 * frames + ADJ_COMMON) * ADJ_COMMON;
 }
 
 int adj_system_init(adj_system *s, const adj_problem *p) {
@@ -91,7 +92,7 @@ static void count_columns(adj_system *s) {
     }
     for (; column < s->S.n; column++) {
         ptr[column] = at;
-        at += column - s->poses + 1;
+        at += column - s->border + 1;
     }
     ptr[s->S.n] = at;
 }
@@ -137,12 +138,13 @@ static void list_entries(adj_system *s, const adj_problem *p) {
         for (int c = 0; c < 6; c++)
             list_rows(row + ptr[s->poses + 6 * i + c] + s->own[i], s->poses + 6 * i, c + 1);
     for (int c = s->common; c < s->S.n; c++)
-        list_rows(row + ptr[c], s->poses, c - s->poses + 1);
+        list_rows(row + ptr[c], s->border, c - s->border + 1);
 }
 
 int adj_system_plan(adj_system *s, const adj_problem *p) {
     s->poses = 4 * (int)p->n_lines;
     s->common = s->poses + 6 * (int)p->n_frames;
+    s->border = p->common & ADJ_LENS ? 0 : s->poses;
     s->S.n = s->common + adj_n_common(p);
     sort_views(s, p);
     place_views(s, p);

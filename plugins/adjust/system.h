@@ -18,6 +18,7 @@ typedef struct adj_system {
     adj_matrix S;
     double *rhs;
     int poses, common;       /* the first rows of the frames and of the common states */
+    int border;              /* and that of the common states' columns: the lens bears on lines */
     uint32_t *order, *first; /* the views by line: those of line l at first[l] .. */
     int *slot;               /* by view: where its line's rows begin in its frame's columns */
     int *own, *last;         /* by frame: likewise its own rows; scratch */
@@ -27,7 +28,7 @@ typedef struct adj_system {
 
 /* A view, linear: weighted rows, so that its part of the cost is |r + J d|². */
 typedef struct adj_rows {
-    double r[2], Jp[2][6], Jl[2][4];
+    double r[2], Jp[2][6], Jl[2][4], Jc[2][ADJ_LENS_TERMS];
 } adj_rows;
 
 /* False when the line is not in front of the camera. */
