@@ -271,6 +271,33 @@ static void noise_and_covariance_are_true(void **unused) {
     assert_true(fabs(factor - 1) < 0.1);
 }
 
+/* Nothing but the reported poses tells the scale: as a state it stays where it was, is known no
+ * better than beforehand, and takes nothing from the noise of the poses. */
+static void a_scale_that_nothing_tells_stays(void **unused) {
+    (void)unused;
+    scan_plan plan = {60, 14, 10, 0.2, 2e-4, 0.02, false};
+    adjust_params params = {.robust = 4, .backend = &adj_cholmod};
+    adjusted result[2];
+    for (int k = 0; k < 2; k++) {
+        record r;
+        arris_lines lines = {0};
+        state = 31;
+        simulate(&plan, &r, &lines);
+        params.common = k ? ADJ_SCALE : 0;
+        assert_int_equal(record_adjust(&r, &lines, &params, &result[k]), 0);
+        record_adjusted_free(&result[k]);
+        record_free(&r);
+        free(lines.item);
+    }
+    const adj_quality *without = &result[0].q, *with = &result[1].q;
+    print_message("scale %.1e, sigma %.1e; x %.3f, %.3f mm\n", result[1].state[0],
+                  with->scale_sigma, without->sigma[0], with->sigma[0]);
+    assert_true(fabs(result[1].state[0]) < 1e-4);
+    assert_true(without->scale_sigma < 1e-3 && fabs(with->scale_sigma / 0.01 - 1) < 0.1);
+    for (int k = 0; k < 6; k++)
+        assert_true(with->determined[k] && fabs(with->sigma[k] / without->sigma[k] - 1) < 0.1);
+}
+
 /* A line that was followed from its edge over to one behind it is where most of its views saw it,
  * and leaves the poses alone. */
 static void views_of_another_edge_do_no_harm(void **unused) {
@@ -399,6 +426,7 @@ int main(void) {
         cmocka_unit_test(an_old_factor_solves),
         cmocka_unit_test(selected_inverse_is_the_inverse),
         cmocka_unit_test(noise_and_covariance_are_true),
+        cmocka_unit_test(a_scale_that_nothing_tells_stays),
         cmocka_unit_test(views_of_another_edge_do_no_harm),
         cmocka_unit_test(outliers_are_named),
         cmocka_unit_test(what_is_not_told_is_said),

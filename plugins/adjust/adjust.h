@@ -60,6 +60,9 @@ int adj_marginals(adj_problem *p, adj_work *w);
 void adj_pose_covariance(const adj_work *w, uint32_t frame, double cov[36]);
 void adj_line_covariance(const adj_work *w, uint32_t line, double cov[16]);
 
+/* The variances of what is left of a pose's error (adj_error) by axis. */
+void adj_error_variance(const adj_work *w, const adj_problem *p, uint32_t frame, double v[6]);
+
 /* The covariance (7x7) of what no segment tells: rotation (rad) about `centre`, translation (mm)
  * and relative scale of everything, by the prior alone; row by row. `centre` is the reported
  * positions' mean. False when the prior does not tell either. */

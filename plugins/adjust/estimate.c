@@ -108,15 +108,15 @@ typedef struct component {
 } component;
 
 static void sum_components(const adj_problem *p, const adj_work *w, component c[6]) {
-    double e[6], cov[36];
+    double e[6], v[6];
     memset(c, 0, 6 * sizeof *c);
     for (uint32_t i = 0; i < p->n_frames; i++) {
         adj_error(p, i, e, NULL, NULL);
-        adj_pose_covariance(w, i, cov);
+        adj_error_variance(w, p, i, v);
         for (int k = 0; k < 6; k++) {
             double t = adj_precision(p, k, i);
             c[k].squares += t * e[k] * e[k];
-            c[k].redundancy += t > 0 ? 1 - t * cov[7 * k] : 0;
+            c[k].redundancy += t > 0 ? 1 - t * v[k] : 0;
         }
     }
 }

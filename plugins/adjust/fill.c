@@ -95,7 +95,7 @@ static void error_of(const adj_problem *p, uint32_t frame, error *o) {
     memset(o->D, 0, sizeof o->D);
     adj_error(p, frame, o->e, J, o->G);
     for (int i = 0; i < 3; i++) {
-        o->D[i][i] = 1;
+        o->D[i][i] = 1 / adj_scale(p);
         memcpy(&o->D[3 + i][3], J + 3 * i, 3 * sizeof *J);
     }
 }

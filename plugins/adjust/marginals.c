@@ -71,3 +71,18 @@ void adj_pose_covariance(const adj_work *w, uint32_t frame, double cov[36]) {
 void adj_line_covariance(const adj_work *w, uint32_t line, double cov[16]) {
     block(w, 4 * (int)line, 4, cov);
 }
+
+void adj_error_variance(const adj_work *w, const adj_problem *p, uint32_t frame, double v[6]) {
+    double e[6], G[6][ADJ_COMMON], scale = adj_scale(p);
+    int first = w->system.poses + 6 * (int)frame, common = w->system.common, n = adj_n_common(p);
+    adj_error(p, frame, e, NULL, G);
+    for (int k = 0; k < 6; k++) {
+        double D = k < 3 ? 1 / scale : 1;
+        v[k] = D * D * at(w, first + k, first + k);
+        for (int i = 0; i < n; i++) {
+            v[k] -= 2 * D * G[k][i] * at(w, first + k, common + i);
+            for (int j = 0; j < n; j++)
+                v[k] += G[k][i] * G[k][j] * at(w, common + i, common + j);
+        }
+    }
+}

@@ -118,9 +118,14 @@ double adj_distance(const adj_view *v, const adj_line *l, const double r[2]);
 double adj_loss(const adj_problem *p, double d2);
 double adj_weight(const adj_problem *p, double d2);
 
+/* By how much all is larger than as reported. */
+double adj_scale(const adj_problem *p);
+
 /* By how much the pose differs from what was reported (mm along, rad about the world's axes) and
- * from what the common states make of it; its derivative by the pose's rotation goes to J, by the
- * common states to G (6 rows of ADJ_COMMON), unless NULL. */
+ * from what the common states make of it; its derivative by the pose's rotation goes to J, less
+ * that by the common states to G (6 rows of ADJ_COMMON), unless NULL; that by the position is one
+ * over the scale. For the error is in the robot's millimetres: in those of the scene a smaller
+ * scene would have smaller errors, and be the likelier. */
 void adj_error(const adj_problem *p, uint32_t frame, double e[6], double J[9],
                double G[6][ADJ_COMMON]);
 

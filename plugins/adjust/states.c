@@ -100,6 +100,10 @@ static void add_delay(const adj_problem *p, uint32_t frame, double G[6][ADJ_COMM
         G[i][at] = v[i];
 }
 
+double adj_scale(const adj_problem *p) {
+    return p->common & ADJ_SCALE ? 1 + p->state[0] : 1;
+}
+
 void adj_error(const adj_problem *p, uint32_t frame, double e[6], double J[9],
                double G[6][ADJ_COMMON]) {
     typedef void add(const adj_problem *, uint32_t, double[6][ADJ_COMMON], int);
@@ -122,4 +126,12 @@ void adj_error(const adj_problem *p, uint32_t frame, double e[6], double J[9],
     for (int i = 0; i < 6; i++)
         for (int k = 0; k < n; k++)
             e[i] -= g[i][k] * p->state[k];
+    double scale = adj_scale(p);
+    for (int i = 0; i < 3; i++) {
+        e[i] /= scale;
+        for (int k = 0; k < n; k++)
+            g[i][k] /= scale;
+        if (p->common & ADJ_SCALE)
+            g[i][0] += e[i] / scale;
+    }
 }
