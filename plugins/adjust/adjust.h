@@ -42,11 +42,12 @@ typedef struct adj_quality {
 } adj_quality;
 
 /* Minimises and estimates what is not known of the noise: of the poses by axis where sigma[] of the
- * problem is 0, of each line, and which frames' reported poses are outliers (variance components:
- * Förstner 1979; MacKay 1992). A robot's errors last for some frames, so that all together tell
- * less than their number: for adj_marginals, which this calls in the end, the problem's sigma is
- * raised by the root of `memory`. *q comes zeroed, or from an earlier estimate of nearly the same,
- * at which this begins. Returns 0 or an error of adj_minimise. */
+ * problem is 0, of each line, which of its views are another edge's, and which frames' reported
+ * poses are outliers (variance components: Förstner 1979; MacKay 1992). A robot's errors last for
+ * some frames, so that all together tell less than their number: for adj_marginals, which this
+ * calls in the end, the problem's sigma is raised by the root of `memory`. *q comes zeroed, or from
+ * an earlier estimate of nearly the same, at which this begins. Returns 0 or an error of
+ * adj_minimise. */
 int adj_estimate(adj_problem *p, adj_work *w, adj_quality *q);
 
 /* What weighted squared distances are on average over 2, for Gaussian noise. */
