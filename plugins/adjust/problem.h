@@ -44,8 +44,7 @@ typedef struct adj_line {
     double variance;                  /* of its segments over the stated one */
     double memory;                    /* segments that count as one, since they err alike */
     double misfit;                    /* sum of the shares of it that no profile explained */
-    double past[4][4], slope[4];      /* information of views that are no more: the cost is */
-} adj_line;                           /* x' past x - 2 slope x */
+} adj_line;
 
 /* A segment of a line in a frame. */
 typedef struct adj_view {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * stage.c: the stage `adjust`: keeps what was seen, and at the end of the stream adjusts lines and
- * poses together (record.h). While frames flow, lines and poses pass as they came.
+ * stage.c: the stage `adjust`: lines and poses together. While frames flow, those of a window
+ * (window.h); what was seen is kept, and adjusted as a whole at the end of the stream (record.h).
  */
 #include <errno.h>
 #include <string.h>
@@ -29,9 +29,8 @@ static const arris_prop props[] = {
                    "noise of the reported rotations, per axis; 0: unknown, estimated"),
     ARRIS_P_DOUBLE(struct adjust, p.robust, "robust", "4", 0, 100, "sigma",
                    "from which a segment counts less (Cauchy's loss); 0: never"),
-    ARRIS_P_INT(
-        struct adjust, frames, "window", "16", 0, 64, "frames",
-        "adjusted in every frame, with the lines in sight; 0: none, lines pass as they came"),
+    ARRIS_P_INT(struct adjust, frames, "window", "16", 0, 64, "frames",
+                "fixed lag: the last poses that are adjusted, with the lines in sight; 0: none"),
     ARRIS_P_ENUM(struct adjust, solver, "solver", "cholmod", "cholmod|eigen", "of the equations"),
     ARRIS_P_STRING(struct adjust, poses, "poses", NULL,
                    "a frames.csv to write with the adjusted poses"),
@@ -52,7 +51,7 @@ static int setup(arris_stage *s, void *self, arris_caps *caps) {
                           "no memory for %d segments", a->max_views);
     size_t lines = arris_capacity(s, ARRIS_LINES, NULL);
     window_params w = {(uint32_t)a->frames, a->p.pose_sigma, a->p.rot_sigma, a->p.robust};
-    if (a->frames > 1 && !(a->window = window_new(&w, caps->camera, (uint32_t)lines)))
+    if (a->frames > 0 && !(a->window = window_new(&w, caps->camera, (uint32_t)lines)))
         return arris_fail(s, ARRIS_E_MEMORY, "a smaller window takes less",
                           "no memory for a window of %d frames", a->frames);
     return arris_reserve(s, ARRIS_LINES, lines, 0);
@@ -177,7 +176,7 @@ static void close_adjust(arris_stage *s, void *self) {
 const arris_stage_desc stage_adjust = {
     .size = sizeof(arris_stage_desc),
     .name = "adjust",
-    .summary = "structure and motion: lines and poses together, at the end of the stream",
+    .summary = "structure and motion: lines and poses together, in a window and at the end",
     .example = "imagesrc location=frames.csv ! edges ! undistort ! segments ! track ! reconstruct "
                "! adjust ! filesink location=lines.json",
     .layers = {.needs = ARRIS_BIT(ARRIS_SEGMENTS) | ARRIS_BIT(ARRIS_TRACKS) |

@@ -20,7 +20,7 @@ enum { WINDOW_FRAMES = 64 }; /* at most */
 typedef struct window window;
 
 typedef struct window_params {
-    uint32_t frames;              /* of the window: 2 to WINDOW_FRAMES */
+    uint32_t frames;              /* of the window: 1 to WINDOW_FRAMES */
     double pose_sigma, rot_sigma; /* mm, rad; 0: unknown, estimated */
     double robust;                /* sigmas */
 } window_params;

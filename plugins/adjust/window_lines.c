@@ -124,7 +124,8 @@ static double distance_of(const window *w, const arris_line *l) {
 }
 
 static bool admit(window *w, const arris_line *l, known *k) {
-    if (is_gone(l) || !is_line(l) || views_of(w, l->id) < VIEWS || !make_room(w))
+    if (is_gone(l) || !is_line(l) || views_of(w, l->id) < fmin(VIEWS, w->params.frames) ||
+        !make_room(w))
         return false;
     w->distance = fmax(distance_of(w, l), SHORT);
     k->slot = (int32_t)adj_add_line(&w->p, l->p, l->q, HOLD * w->distance);

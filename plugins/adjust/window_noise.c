@@ -17,9 +17,9 @@ static const double POOLED = 20;      /* weight of all axes' variance against an
 static const double NOISE = 3;        /* sigmas from which a correlation is none by chance */
 static const double PRIOR_DOF = 10;   /* weight of all lines' variance against a line's own */
 static const double CORRELATED = 0.9; /* of a line's residuals from view to view, at most */
-static const double ALIKE_VIEWS = 10; /* in which what no profile explains is the same */
-static const double CHANCE = 0.1;     /* of misfit, that says nothing */
-static const double FAR = 4;          /* sigmas from which a pose counts less */
+static const double VALUES = 2;   /* independent ones, of what no profile explains, in any views */
+static const double CHANCE = 0.1; /* of misfit, that says nothing */
+static const double FAR = 4;      /* sigmas from which a pose counts less */
 
 /* ---- lines ----------------------------------------------------------------------------------- */
 
@@ -67,8 +67,7 @@ static void weigh_lines(window *w) {
         double rho = o->square > 0 ? o->product / o->square - 2 / sqrt(o->views + 1) : 0;
         rho = fmin(fmax(rho, 0), CORRELATED);
         w->p.line[i].variance =
-            fmax(v, 1) *
-            (ALIKE_VIEWS * fmax(o->misfit / fmax(o->views, 1) - CHANCE, 0) + (1 + rho) / (1 - rho));
+            fmax(v, 1) * (fmax(o->misfit - CHANCE * o->views, 0) / VALUES + (1 + rho) / (1 - rho));
     }
 }
 
