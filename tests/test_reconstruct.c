@@ -276,6 +276,71 @@ static void errors_are_honest_and_at_the_bound(void **state) {
     check_statistics(&steep, on_arc, 200, 0.1);
 }
 
+static void fit_views(line *l, const edge *e, double sigma, int first, int last) {
+    linear r;
+    line_begin(l, 0);
+    for (int i = first; i < last; i++) {
+        arris_pose pose = on_path(i, 60);
+        view v;
+        assert_true(see(e, &pose, sigma, &v));
+        line_add(l, &v, &known, &r);
+    }
+    line_complete(l, &known);
+}
+
+static void assert_near(double a, double b) {
+    assert_true(fabs(a - b) <= 1e-9 * (1 + fabs(b)));
+}
+
+/* Several views at once are each of them, and add up to their sum; one of them is from behind. */
+static void views_at_once_are_each(void **state) {
+    (void)state;
+    enum { N = 7 };
+    view v[N];
+    line l;
+    seed = 4;
+    fit_views(&l, &steep, 0.1, 0, 40);
+    for (int corrected = 0; corrected < 2; corrected++) {
+        pose_noise noise = {0.1, 1e-4, corrected};
+        double x[4] = {0.3, -0.2, 0.1, 0.4};
+        for (int i = 0; i < N; i++) {
+            arris_pose pose = on_arc(i, N);
+            assert_true(see(&steep, &pose, 0.3, &v[i]));
+            v[i].misfit = 0.1 * i, v[i].left = 1 - 0.1 * i, v[i].shift[i % 3] = 0.2 * i;
+            for (int k = 0; k < 3 && i == 4; k++)
+                v[i].axis[k] = -v[i].axis[k];
+        }
+        for (uint32_t n = 1; n <= VIEWS; n++) {
+            linears all;
+            info sum = {0}, each = {0};
+            bool take[VIEWS] = {false};
+            views_linearise(v, n, 2, &l.f, x, &noise, &all);
+            for (uint32_t k = 0; k < n; k++) {
+                linear one, same;
+                take[k] = view_linearise(&v[2 * k], &l.f, x, &noise, &one);
+                assert_int_equal(take[k], 2 * k != 4);
+                assert_int_equal(views_pick(&all, k, &same), take[k]);
+                if (!take[k])
+                    continue;
+                assert_memory_equal(&one, &same, sizeof one);
+                assert_near(all.distance[k], linear_distance(&one, NULL));
+                info_add(&each, &one, x);
+            }
+            info_add_views(&sum, &all, take, x);
+            for (int i = 0; i < 4; i++) {
+                for (int j = 0; j < 4; j++)
+                    assert_near(sum.H.m[i][j], each.H.m[i][j]);
+                assert_near(sum.g[i], each.g[i]);
+            }
+            assert_near(sum.c, each.c);
+            assert_near(sum.squares, each.squares);
+            assert_near(sum.misfit, each.misfit);
+            assert_near(sum.weight, each.weight);
+            assert_int_equal(sum.n, each.n);
+        }
+    }
+}
+
 /* The estimate view by view is that of all views at once. */
 static void incremental_is_batch(void **state) {
     (void)state;
@@ -654,18 +719,6 @@ static void one_line_per_edge(void **state) {
     scan_free(s);
 }
 
-static void fit_views(line *l, const edge *e, double sigma, int first, int last) {
-    linear r;
-    line_begin(l, 0);
-    for (int i = first; i < last; i++) {
-        arris_pose pose = on_path(i, 60);
-        view v;
-        assert_true(see(e, &pose, sigma, &v));
-        line_add(l, &v, &known, &r);
-    }
-    line_complete(l, &known);
-}
-
 /* Edges that meet are two, however uncertain one of them is after a few views. */
 static void meeting_edges_are_two(void **state) {
     (void)state;
@@ -998,6 +1051,7 @@ int main(void) {
         cmocka_unit_test(exact_planes_give_the_line),
         cmocka_unit_test(two_views_give_the_line),
         cmocka_unit_test(errors_are_honest_and_at_the_bound),
+        cmocka_unit_test(views_at_once_are_each),
         cmocka_unit_test(incremental_is_batch),
         cmocka_unit_test(outliers_are_left_out),
         cmocka_unit_test(the_run_that_agrees_is_the_line),

@@ -31,10 +31,6 @@ void info_add(info *in, const linear *l, const double x[4]) {
     in->n++;
 }
 
-/* A value for each view. */
-typedef double lane __attribute__((vector_size(32), aligned(8), may_alias));
-typedef int64_t lane_bits __attribute__((vector_size(32), aligned(8), may_alias));
-
 /* Adds to each of four sums its values for all views. */
 INLINE void sum(double to[4], const lane a[4]) {
     lane b[2], *all = (lane *)(void *)to;

@@ -5,8 +5,8 @@
  * The estimate is the weighted least squares of the distances in the picture, by Gauss-Newton on
  * four parameters. Every view adds to a 4x4 information matrix, so it costs the same at view 10 and
  * at view 10,000. A sample of at most LINE_KEPT views, spread over the whole past, is kept: when
- * the estimate moved by more than half a sigma, these are linearised anew; so is the start found,
- * by least median of squares, as the thesis wished for: up to half of the views may be of something
+ * the estimate moved by more than a sigma, these are linearised anew; so is the start found, by
+ * least median of squares, as the thesis wished for: up to half of the views may be of something
  * else. After that a view takes part when its chi-square is below a gate. Where a track went over
  * from one edge to another nearby, views contradict each other, and the line is split.
  */

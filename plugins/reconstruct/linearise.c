@@ -10,12 +10,6 @@
 
 #include "lanes.h"
 
-static const double PARALLEL = 1e-18; /* sin² of the angle at which one looks along a line */
-
-/* A value for each view. */
-typedef double lane __attribute__((vector_size(32), aligned(8), may_alias));
-typedef int64_t lane_bits __attribute__((vector_size(32), aligned(8), may_alias));
-
 _Static_assert(VIEWS == 4 && offsetof(view, half) == 15 * sizeof(double) &&
                    offsetof(view, misfit) == offsetof(view, cov) + 3 * sizeof(double) &&
                    offsetof(view, left) == offsetof(view, shift) + 3 * sizeof(double),
@@ -96,7 +90,7 @@ INLINE void place(const views *u, const lane w[3], const double D[3], const lane
     cross_fixed(D, d, n);
     cross(w, d, m);
     lane s2 = DOT(n, n);
-    *s = (lane)((lane_bits)(DOT(m, n) / s2) | (s2 <= PARALLEL)); /* all bits: not a number */
+    *s = (lane)((lane_bits)(DOT(m, n) / s2) | (s2 <= VIEW_PARALLEL)); /* all bits: not a number */
 }
 
 /* What the end at `px` of the segments tells; a, b: of the plane, along f->a and f->b. */

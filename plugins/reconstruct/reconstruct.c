@@ -18,7 +18,7 @@ struct reconstruct {
     bool warned;
 };
 
-enum { AHEAD = 3 }; /* tracks that are expected */
+enum { AHEAD = 3 };             /* tracks that are expected */
 static const double MARGIN = 4; /* px at the border of the picture where nothing is detected */
 
 static const arris_prop props[] = {

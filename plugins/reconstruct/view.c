@@ -9,7 +9,6 @@
 /* Added to the variance of the offset (px²): a ten-thousandth of a pixel, which nobody sees. Keeps
  * what claims to be exact from being infinitely heavy. */
 static const double LEAST_VARIANCE = 1e-8;
-static const double PARALLEL = 1e-18; /* sin² of the angle at which one looks along a line */
 
 static void ray_at_depth_1(const arris_camera *c, const arris_pose *pose, double x, double y,
                            double ray[3]) {
@@ -129,7 +128,7 @@ void view_places(const view *v, const frame *f, const double x[4], const double 
             s2 += c * c;
             sum += c * (at[0][i] + px[k] * at[1][i]);
         }
-        s[k] = s2 > PARALLEL ? sum / s2 : (double)NAN;
+        s[k] = s2 > VIEW_PARALLEL ? sum / s2 : (double)NAN;
     }
 }
 

@@ -50,13 +50,19 @@ typedef struct linear {
     double r[2], J[2][4], cov[3], misfit, s[2], depth;
 } linear;
 
-/* As many views at once, with the view as the last index; and their squared Mahalanobis distances
- * (linear_distance): NAN for a view that the line is not in front of where its segment is. */
+/* Several views at once, with the view as the last index, and their squared Mahalanobis distances
+ * (linear_distance): NAN where the line is not in front of the camera. */
 enum { VIEWS = 4 };
 typedef struct linears {
     double r[2][VIEWS], J[2][4][VIEWS], cov[3][VIEWS], misfit[VIEWS], s[2][VIEWS], depth[VIEWS];
     double distance[VIEWS];
 } linears;
+
+/* A value of *linears for each view, and its bits. */
+typedef double lane __attribute__((vector_size(32), aligned(8), may_alias));
+typedef int64_t lane_bits __attribute__((vector_size(32), aligned(8), may_alias));
+
+#define VIEW_PARALLEL 1e-18 /* sin² of the angle at which one looks along a line */
 
 /* The view of a segment in pixels of the camera `c`, whose lens is taken out of them when it
  * distorts, from `pose`. `picture` is x0, y0, x1, y1, in ideal pixels, of what the camera surely
@@ -86,8 +92,8 @@ void view_ends(const view *v, const frame *f, const double x[4], double s[2]);
 bool view_linearise(const view *v, const frame *f, const double x[4], const pose_noise *noise,
                     linear *l);
 
-/* The same of n views, at most VIEWS: of every stride-th from the first on. Beyond these, *l has
- * the first again. */
+/* The same of the first VIEWS of n views, every stride-th from the first on. Where there are fewer,
+ * *l has the first again. */
 void views_linearise(const view *first, uint32_t n, uint32_t stride, const frame *f,
                      const double x[4], const pose_noise *noise, linears *l);
 
