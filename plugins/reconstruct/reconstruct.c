@@ -93,7 +93,9 @@ static int process(arris_stage *s, void *self, arris_frame *f) {
         skip_frame(s, r);
     for (uint32_t i = 0; i < tracks->n; i++) {
         if (i + AHEAD < tracks->n)
-            scan_expect(r->scan, tracks->item[i + AHEAD].id);
+            scan_expect(r->scan, tracks->item[i + AHEAD].id, false);
+        if (i + 1 < tracks->n)
+            scan_expect(r->scan, tracks->item[i + 1].id, true);
         if (pose->valid)
             add_track(s, r, &tracks->item[i], segments, pose);
         else

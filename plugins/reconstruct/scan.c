@@ -110,10 +110,23 @@ static entry *earlier(scan *s, int32_t track) {
     return find_before(s, track)->e;
 }
 
-void scan_expect(const scan *s, int32_t track) {
-    const char *e = (const char *)find_before(s, track)->e;
-    for (size_t at = 0; e && at < offsetof(entry, l.kept); at += 64)
-        __builtin_prefetch(e + at);
+static void fetch(const void *from, size_t size) {
+    for (size_t at = 0; at < size; at += 64)
+        __builtin_prefetch((const char *)from + at);
+}
+
+void scan_expect(const scan *s, int32_t track, bool next) {
+    const entry *e = find_before(s, track)->e;
+    if (!e)
+        return;
+    if (!next) {
+        fetch(e, offsetof(entry, l.kept));
+        return;
+    }
+    uint32_t last = e->l.n_kept > 0 ? e->l.n_kept - 1 : 0;
+    fetch(&e->l.kept[last], 2 * sizeof(view));
+    fetch(&e->l.rest[last], sizeof(info));
+    fetch(&e->l.inlier[last], sizeof(bool));
 }
 
 void scan_add(scan *s, int32_t track, view *v) {

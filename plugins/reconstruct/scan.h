@@ -22,8 +22,8 @@ typedef struct scan scan;
 scan *scan_new(const scan_params *p);
 void scan_free(scan *s); /* NULL is allowed */
 
-/* The track will be added shortly: fetches what is known of its line. */
-void scan_expect(const scan *s, int32_t track);
+/* The track will be added shortly: fetches what is known of its line; `next`: now its views. */
+void scan_expect(const scan *s, int32_t track, bool next);
 
 /* The track is alive in this frame; `v` is its view, NULL when it was not seen. The view is turned
  * when it runs against the line. A track that was away goes on with the line of its id. */
