@@ -496,6 +496,36 @@ static void smeared_noise_is_noticed(void **state) {
     free(fine.data);
 }
 
+/* Between the pixels of `fine`, twice as many a side. */
+static arris_image enlarged(const arris_image *fine) {
+    int w = 2 * fine->width - 2, h = 2 * fine->height - 2;
+    arris_image im = picture(w, h, w, ARRIS_GREY8);
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++) {
+            const uint8_t *p = fine->data + y / 2 * fine->stride + x / 2, *q = p + fine->stride;
+            double u = 0.25 + 0.5 * (x % 2), v = 0.25 + 0.5 * (y % 2);
+            put(&im, x, y, (1 - v) * ((1 - u) * p[0] + u * p[1]) + v * ((1 - u) * q[0] + u * q[1]));
+        }
+    return im;
+}
+
+/* There pixels tell nothing of the noise, and it has no edges all the same. */
+static void enlarged_noise_has_no_edges(void **state) {
+    (void)state;
+    const double grey[] = {128};
+    uint32_t chains = 0;
+    for (double noise = 2; noise < 7; noise++) {
+        arris_image fine = drawn(160, 120, plain, grey, noise), im = enlarged(&fine);
+        assert_true(3 * noise_of_pixels(&im, 255) < noise);
+        arris_edges e = edges_auto(&im);
+        chains += e.n_chains;
+        drop(&e);
+        free(im.data);
+        free(fine.data);
+    }
+    assert_int_equal(chains, 0);
+}
+
 /* Nothing but black or white tells nothing, and does not hide the noise of the rest. */
 static void blank_and_saturated_pictures(void **state) {
     (void)state;
@@ -662,6 +692,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(tiny_and_odd_pictures),
         cmocka_unit_test(huge_pictures),
         cmocka_unit_test(overflow_truncates_and_counts),
+        cmocka_unit_test(enlarged_noise_has_no_edges),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
