@@ -293,6 +293,8 @@ static void a_scale_that_nothing_tells_stays(void **unused) {
     print_message("scale %.1e, sigma %.1e; x %.3f, %.3f mm\n", result[1].state[0],
                   with->scale_sigma, without->sigma[0], with->sigma[0]);
     assert_true(fabs(result[1].state[0]) < 1e-4);
+    assert_string_equal(result[0].undetermined, "");
+    assert_non_null(strstr(result[1].undetermined, "state scale"));
     assert_true(without->scale_sigma < 1e-3 && fabs(with->scale_sigma / 0.01 - 1) < 0.1);
     for (int k = 0; k < 6; k++)
         assert_true(with->determined[k] && fabs(with->sigma[k] / without->sigma[k] - 1) < 0.1);

@@ -61,6 +61,8 @@ int adj_marginals(adj_problem *p, adj_work *w);
 void adj_pose_covariance(const adj_work *w, uint32_t frame, double cov[36]);
 void adj_line_covariance(const adj_work *w, uint32_t line, double cov[16]);
 
+double adj_state_variance(const adj_work *w, int state); /* of a common one */
+
 /* The variances of what is left of a pose's error (adj_error) by axis. */
 void adj_error_variance(const adj_work *w, const adj_problem *p, uint32_t frame, double v[6]);
 

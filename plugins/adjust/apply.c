@@ -164,7 +164,8 @@ void record_adjusted_free(adjusted *a) {
 
 enum { FRAMES = 3 };               /* at least */
 static const double ALIKE = 0.035; /* rad: lines within 2° are of one direction */
-static const double WIDE = 0.05;   /* sigma of the scale that is none */
+static const double UNTOLD = 0.9; /* of what it was beforehand: a sigma that nothing made smaller */
+static const double WIDE = 0.05;  /* sigma of the scale that is none */
 
 static void state(adjusted *out, const char *what) {
     size_t n = strlen(out->undetermined);
@@ -191,7 +192,21 @@ static bool too_little(const adj_problem *p, adjusted *out) {
     return *out->undetermined;
 }
 
-static void judge(const adj_problem *p, adjusted *out) {
+/* Names each kind of common state of which one is no better known than beforehand. */
+static void judge_states(const adj_problem *p, const adj_work *w, adjusted *out) {
+    const char *said = "";
+    for (int k = 0; k < adj_n_common(p); k++) {
+        const char *name = adj_common_name(p, k);
+        char what[80];
+        if (strcmp(name, said) == 0 || sqrt(adj_state_variance(w, k)) < UNTOLD * p->state_sigma[k])
+            continue;
+        snprintf(what, sizeof what, "all of the state %s", name);
+        state(out, what);
+        said = name;
+    }
+}
+
+static void judge(const adj_problem *p, const adj_work *w, adjusted *out) {
     static const char *const axes[6] = {"the noise of x",
                                         "the noise of y",
                                         "the noise of z",
@@ -205,6 +220,7 @@ static void judge(const adj_problem *p, adjusted *out) {
             state(out, axes[k]);
     if (!(out->q.scale_sigma < WIDE))
         state(out, "the scale: no reported pose holds it");
+    judge_states(p, w, out);
 }
 
 static int write(const adj_problem *p, const adj_work *w, record *r, arris_lines *lines,
@@ -218,7 +234,7 @@ static int write(const adj_problem *p, const adj_work *w, record *r, arris_lines
     out->lines = p->n_lines, out->views = p->n_views, out->common = p->common;
     out->n_states = adj_n_common(p);
     memcpy(out->state, p->state, sizeof out->state);
-    judge(p, out);
+    judge(p, w, out);
     return 0;
 }
 

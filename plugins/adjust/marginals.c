@@ -72,6 +72,10 @@ void adj_line_covariance(const adj_work *w, uint32_t line, double cov[16]) {
     block(w, 4 * (int)line, 4, cov);
 }
 
+double adj_state_variance(const adj_work *w, int state) {
+    return at(w, w->system.common + state, w->system.common + state);
+}
+
 void adj_error_variance(const adj_work *w, const adj_problem *p, uint32_t frame, double v[6]) {
     double e[6], G[6][ADJ_COMMON], scale = adj_scale(p);
     int first = w->system.poses + 6 * (int)frame, common = w->system.common, n = adj_n_common(p);

@@ -89,6 +89,8 @@ int64_t adj_add_view(adj_problem *p, uint32_t frame, uint32_t line, const arris_
  * 1 mrad, 5 mm, 10 mrad, 50 ms, 1 px. */
 void adj_set_common(adj_problem *p, unsigned common);
 int adj_n_common(const adj_problem *p);
+/* What the state of that number belongs to: "scale", "drift", "hand-eye", "delay", "lens". */
+const char *adj_common_name(const adj_problem *p, int state);
 
 /* The two points of the line. */
 void adj_line_points(const adj_line *l, double P[3], double Q[3]);

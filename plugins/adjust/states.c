@@ -11,14 +11,15 @@
 /* ---- common states --------------------------------------------------------------------------- */
 
 static const struct {
+    const char *name;
     unsigned bit;
     int n;
     double sigma[2]; /* of the first three and of the others */
-} commons[] = {{ADJ_SCALE, 1, {0.01, 0}},
-               {ADJ_DRIFT, 6, {1, 1e-3}},
-               {ADJ_HAND_EYE, 6, {5, 1e-2}},
-               {ADJ_DELAY, 1, {0.05, 0}},
-               {ADJ_LENS, ADJ_LENS_TERMS, {1, 1}}};
+} commons[] = {{"scale", ADJ_SCALE, 1, {0.01, 0}},
+               {"drift", ADJ_DRIFT, 6, {1, 1e-3}},
+               {"hand-eye", ADJ_HAND_EYE, 6, {5, 1e-2}},
+               {"delay", ADJ_DELAY, 1, {0.05, 0}},
+               {"lens", ADJ_LENS, ADJ_LENS_TERMS, {1, 1}}};
 enum { COMMONS = sizeof commons / sizeof *commons };
 
 int adj_n_common(const adj_problem *p) {
@@ -36,6 +37,13 @@ void adj_set_common(adj_problem *p, unsigned common) {
             p->state[n] = 0;
             p->state_sigma[n] = commons[i].sigma[k / 3];
         }
+}
+
+const char *adj_common_name(const adj_problem *p, int state) {
+    int n = 0, i = 0;
+    while (n += p->common & commons[i].bit ? commons[i].n : 0, n <= state)
+        i++;
+    return commons[i].name;
 }
 
 /* The rotation vector w of R = R0 exp[-w]; and the derivative of w when R is turned further. */
