@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * drawn_scan.h: scans of drawn lines from drawn poses, for the tests of adjust.
+ * drawn_scan.h: scans of drawn lines from drawn poses, for the tests of adjust; after cmocka.h.
  */
 #ifndef DRAWN_SCAN_H
 #define DRAWN_SCAN_H

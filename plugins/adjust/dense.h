@@ -12,8 +12,8 @@
 enum { DENSE = 256 };
 typedef double dense[DENSE][DENSE];
 
-/* y -= t a, n numbers of each. */
-void dense_subtract(size_t n, double t, const double *restrict a, double *restrict y);
+/* y -= t a, n numbers of each, which do not overlap. */
+void dense_subtract(size_t n, double t, const double *a, double *y);
 
 /* U becomes its factor: U' U is what it was. False when that is not positive definite. */
 bool dense_factor(dense U, size_t n);

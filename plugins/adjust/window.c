@@ -92,6 +92,8 @@ static void note_result(const window *w, known *k) {
     k->adjusted = true;
     k->l = w->p.line[k->slot];
     window_line_covariance(w, (uint32_t)k->slot, k->cov);
+    for (int i = 0; i < 16; i++)
+        k->cov[i] *= window_late_memory(w);
     k->rms = o->weights > 0 ? sqrt(o->squares / o->weights) : 0;
 }
 

@@ -102,30 +102,29 @@ static double usual_distance(const window *w) {
     return w->n > 0 ? fmax(d[w->n / 2], 6) : 6;
 }
 
-/* The i-th oldest frame alone, and with those after it. */
-static void sum_pose(const window *w, uint32_t i, pose_sums *o) {
-    uint32_t place = window_place(w, i);
-    double e[6], later[6], weight = window_pose_weight(w, place);
+/* The i-th oldest frame alone, and with those before it. */
+static void sum_pose(window *w, uint32_t i, pose_sums *o) {
+    uint32_t place = window_place(w, i), at = w->time - w->n + 1 + i;
+    double e[6], weight = window_pose_weight(w, place), *error = w->error[at % WINDOW_ERRORS];
     adj_error(&w->p, place, e, NULL, NULL);
     for (int k = 0; k < 6; k++) {
         double v = w->sigma[k] * w->sigma[k], r = w->redundant[place][k];
         o->squares[k] += weight * (e[k] * e[k] - v * r * (1 - r));
         o->dof[k] += weight * r * r;
         o->redundancy[k] += weight * r;
+        error[k] = sqrt(weight) * e[k] / w->sigma[k];
     }
-    for (uint32_t lag = 1; lag < WINDOW_LAGS && i + lag < w->n; lag++) {
-        uint32_t other = window_place(w, i + lag);
-        double both = weight * window_pose_weight(w, other);
-        adj_error(&w->p, other, later, NULL, NULL);
+    for (uint32_t lag = 1; lag < WINDOW_LAGS && 4 * lag < at; lag++) {
+        const double *before = w->error[(at - lag) % WINDOW_ERRORS];
         for (int k = 0; k < 6; k++) {
-            double t = both / (w->sigma[k] * w->sigma[k]);
-            o->product[lag] += t * e[k] * later[k];
-            o->square[lag] += t * (e[k] * e[k] + later[k] * later[k]) / 2;
+            o->product[lag] += error[k] * before[k];
+            o->square[lag] += (error[k] * error[k] + before[k] * before[k]) / 2;
             o->n[lag]++;
         }
     }
 }
 
+/* As estimate.c has it. */
 static double memory_of(const pose_sums *o) {
     double sum = 1;
     for (int lag = 1; lag < WINDOW_LAGS; lag++) {
@@ -134,6 +133,10 @@ static double memory_of(const pose_sums *o) {
         sum += 2 * o->product[lag] / o->square[lag];
     }
     return sum;
+}
+
+double window_late_memory(const window *w) {
+    return (w->counted * w->memory + w->n) / (w->left + w->n);
 }
 
 /* Of squared errors e² = v² y², y the slope of what else is known, v r (1 - r) is the noise of y,
@@ -186,4 +189,6 @@ void window_weigh(window *w) {
 void window_sum_oldest(window *w) {
     sum_views(w, w->first, w->past);
     sum_pose(w, 0, &w->past_poses);
+    w->counted += 1 / w->memory;
+    w->left++;
 }

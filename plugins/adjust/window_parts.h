@@ -11,7 +11,7 @@
 #include "window.h"
 
 enum { WINDOW_LINES = DENSE / 4, WINDOW_VIEWS = 256, WINDOW_ALIASES = 256 }; /* views of a frame */
-enum { WINDOW_LAGS = 16 };
+enum { WINDOW_LAGS = 64, WINDOW_ERRORS = WINDOW_LAGS + WINDOW_FRAMES };
 
 /* What a line's views sum up to. */
 typedef struct line_sums {
@@ -71,12 +71,14 @@ struct window {
     uint32_t n_alias;
 
     pose_sums past_poses;
-    double sigma[6], memory; /* as of adj_quality */
-    bool determined;         /* sigma is */
-    double redundancy;       /* degrees of freedom that the poses take */
-    double usual;            /* of the frames' squared distances from what was reported */
-    double distance;         /* mm, of the lines */
-    double expected;         /* as of adj_expected_share */
+    double error[WINDOW_ERRORS][6]; /* of the last frames, in sigmas, by `time` */
+    double left, counted;           /* frames in the past; those that they counted as */
+    double sigma[6], memory;        /* as of adj_quality */
+    bool determined;                /* sigma is */
+    double redundancy;              /* degrees of freedom that the poses take */
+    double usual;                   /* of the frames' squared distances from what was reported */
+    double distance;                /* mm, of the lines */
+    double expected;                /* as of adj_expected_share */
 };
 
 /* The place of the i-th oldest frame. */
@@ -114,6 +116,8 @@ void window_eliminate(window *w, uint32_t line);
 void window_weigh(window *w);
 /* Adds those of the oldest frame to the past's. */
 void window_sum_oldest(window *w);
+/* How much less all frames count by what is known of the memory now than they were counted. */
+double window_late_memory(const window *w);
 /* What the reported pose counts: 1, less where it is far off. */
 double window_pose_weight(const window *w, uint32_t place);
 
