@@ -9,12 +9,12 @@
 
 #include "window_parts.h"
 
-static const double START =
-    1e-3; /* sigma of the poses, of the distance and rad, until it is told */
-static const double LEAST = 1e-6;     /* below which it is none; likewise */
-static const double ENOUGH = 20;      /* degrees of freedom that tell it */
-static const double POOLED = 20;      /* weight of all axes' variance against an axis' own */
-static const double NOISE = 3;        /* sigmas from which a correlation is none by chance */
+static const double START = 1e-3; /* sigma of the poses till it is told: of the distance, and rad */
+static const double LEAST = 1e-6; /* below which it is none; likewise */
+static const double ENOUGH = 20;  /* degrees of freedom that tell it */
+static const double FEW = 3;      /* of them, that say beforehand that there is none */
+static const double POOLED = 20;  /* weight of all axes' variance against an axis' own */
+static const double NOISE = 3;    /* sigmas from which a correlation is none by chance */
 static const double PRIOR_DOF = 10;   /* weight of all lines' variance against a line's own */
 static const double CORRELATED = 0.9; /* of a line's residuals from view to view, at most */
 static const double VALUES = 2;   /* independent ones, of what no profile explains, in any views */
@@ -152,7 +152,7 @@ static void estimate_sigmas(window *w, const pose_sums *o) {
     }
     for (int k = 0; all > 0 && k < 6; k++) {
         double unit = k < 3 ? 1 : 1 / w->distance;
-        double sum = o->squares[k] + POOLED * usual / all * unit * unit;
+        double sum = o->squares[k] + POOLED * usual / (all + FEW) * unit * unit;
         w->sigma[k] = fmax(sqrt(fmax(sum, 0) / (o->dof[k] + POOLED)), LEAST * w->distance * unit);
     }
 }
