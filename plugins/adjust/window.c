@@ -125,17 +125,17 @@ static void tell(known *k, arris_line *l) {
 
 void window_adjust(window *w, arris_lines *lines) {
     window_follow(w, lines);
-    if (w->n > 0) {
+    if (w->n > 0)
         window_locate(w);
-        if (window_step(w))
-            window_covariances(w);
-        window_weigh(w);
-        window_drop_strays(w, lines);
-    }
-    for (uint32_t i = 0; i < w->n_known; i++) {
-        if (w->known[i].slot >= 0 && w->determined)
+    bool good = window_step(w);
+    if (good)
+        window_covariances(w);
+    window_weigh(w);
+    for (uint32_t i = 0; good && w->determined && i < w->n_known; i++)
+        if (w->known[i].slot >= 0)
             note_result(w, &w->known[i]);
+    window_drop_strays(w, lines);
+    for (uint32_t i = 0; i < w->n_known; i++)
         tell(&w->known[i], &lines->item[i]);
-    }
     lines->pose_sigma = sqrt(arris_dot(w->sigma, w->sigma) / 3);
 }

@@ -207,10 +207,12 @@ static double loss_of(const window *w, uint32_t line, adj_line at) {
 /* As of a line that came in too far off, where the running one fits much better. */
 void window_drop_strays(window *w, const arris_lines *lines) {
     for (uint32_t i = w->p.n_lines; i-- > 0;) {
-        const known *k = known_of(w, w->id[i]);
+        known *k = known_of(w, w->id[i]);
         adj_line running = w->p.line[i];
         if (!express(&lines->item[k - w->known], &running) ||
-            loss_of(w, i, w->p.line[i]) > WORSE * loss_of(w, i, running) + SURELY)
+            loss_of(w, i, w->p.line[i]) > WORSE * loss_of(w, i, running) + SURELY) {
+            k->adjusted = false;
             forget(w, i);
+        }
     }
 }

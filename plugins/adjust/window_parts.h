@@ -91,7 +91,7 @@ static inline uint32_t window_place(const window *w, uint32_t i) {
 
 /* Takes over which lines there are, and puts every view that is new or was of none to its own. */
 void window_follow(window *w, const arris_lines *lines);
-/* Lines that went astray start anew with the next frame. */
+/* Lines that went astray start anew with the next frame, and until then nothing is told of them. */
 void window_drop_strays(window *w, const arris_lines *lines);
 
 /* ---- window_solve.c ----------------------------------------------------------------------------
