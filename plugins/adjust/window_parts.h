@@ -2,7 +2,7 @@
  *
  * window_parts.h: the fixed lag from within (window.h). window.c keeps the frames, window_lines.c
  * says which lines take part, window_solve.c moves them and the poses, window_noise.c weighs them,
- * window_tell.c tells of them.
+ * tell.c tells of them.
  */
 #ifndef ADJUST_WINDOW_PARTS_H
 #define ADJUST_WINDOW_PARTS_H
