@@ -41,6 +41,10 @@ fi
     ! pose wait=500 ! "${chain[@]}" ! tee name=t \
     t. ! lcmsink preview=5 segments=10 t. ! filesink location="$out/lines.json" > "$out/stats.txt" & pipeline=$!
 sleep 0.5
+for _ in {1..200}; do # the states that the logger writes say that it is there
+    [ -s "$out/run.lcmlog" ] && break
+    sleep 0.05
+done
 "$B/arris" launch --stats scenesrc location=samples/cell/box.obj camera=$camera robot=default fps="${CELL_FPS:-30}" \
     ! queue leaky=oldest max-frames=8 ! lcmsink images=every status=0 > "$out/camera.txt" & eye=$!
 
