@@ -7,8 +7,8 @@
 #include <math.h>
 #include <string.h>
 
-#define CLEAR 2.2  /* a neighbour's step is over at this many of its blurs */
-#define END 2.0    /* px along the line that a row keeps from the line's end */
+#define CLEAR 2.5  /* a neighbour's step is over at this many of its blurs */
+#define END 2.35   /* blurs along the line that a row keeps from the line's end */
 #define BLOCK 32.0 /* px over which a bent line is a parabola, to 0.001 px */
 
 /* A point of the line in the picture: v is the number of the row, u the place in it. */
@@ -42,7 +42,7 @@ typedef struct stretch {
     course u, t;     /* place in the row, and along the line from its middle */
     course across;   /* px across the line per px of the row */
     float per_along; /* px of the row per px along the line */
-    float to_end;    /* px from the line's middle to its end */
+    float to_end;    /* px from the line's middle to where its end is felt */
     int clear;       /* px to keep from another edge */
     int own;         /* px within which a point is this edge's */
 } stretch;
@@ -74,7 +74,7 @@ static bool stretch_make(const rows *r, const row_line *l, double t0, double t1,
     last = across_at(r, l, &b, slope + s->u.bend / 2 * (b.v - a.v));
     s->across = through(v, first, (first + last) / 2, last, s->first);
     s->per_along = (float)(sqrt(1 + slope * slope) / fmax(fabs(slope), 1e-3));
-    s->to_end = (float)middle;
+    s->to_end = (float)(middle - END * (double)blur);
     s->clear = (int)((float)CLEAR * blur * r->slant + 0.5f);
     s->own = s->clear < 4 ? 2 : s->clear < 10 ? s->clear / 2 : 5;
     return true;
@@ -144,7 +144,7 @@ INLINE void fit_in(const rows *r, const stretch *s, int left, int width, eight_r
     crowd_nearest(&e->around, s->own, &near);
     eight_ints clear = near - s->clear, middle = (near + 1) >> 1, at = before + 1;
     eight_ints behind = width - at, between = EIGHT_MOST(clear, middle);
-    eight to_end = (s->to_end - EIGHT_ABS(e->t) - (float)END) * s->per_along;
+    eight to_end = (s->to_end - EIGHT_ABS(e->t)) * s->per_along;
     to_end = EIGHT_CHOOSE(to_end < most, to_end, most);
     eight_ints half = __builtin_convertvector(to_end, eight_ints);
     half = EIGHT_LEAST(half, between);
