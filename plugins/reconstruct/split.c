@@ -154,19 +154,6 @@ static run find_rejected(const line *l) {
     return longest;
 }
 
-/* Another edge that the track was on for a while, out of the line's reach. */
-static bool part_rejected(line *l, line *other, const scene *s) {
-    run r = find_rejected(l);
-    if (r.to - r.from < 2 * LEAST)
-        return false;
-    part_of(other, l, s, &r, true, NULL);
-    if (!elsewhere(l, other, s))
-        return false;
-    choose(l, &r, false);
-    line_resume(l, s, l->x);
-    return true;
-}
-
 /* The variance of the worse end of a line from its kept views. */
 static double uncertainty(const line *l, const scene *s) {
     info group[LINE_KEPT];
@@ -178,17 +165,37 @@ static double uncertainty(const line *l, const scene *s) {
                : (double)INFINITY;
 }
 
-/* The lines of the run and of the rest; the more certain one goes to *best. */
-static void part(const line *l, const scene *s, const sums *u, const run *r, line *best,
-                 line *other) {
-    double x[4], y[4];
-    two_lines(u, r->from, r->to, x, y);
+/* The lines of the run and of the rest, beginning at x and y; the more certain one goes to *best.
+ */
+static void part(const line *l, const scene *s, const run *r, const double x[4], const double y[4],
+                 line *best, line *other) {
     part_of(best, l, s, r, true, x);
     part_of(other, l, s, r, false, y);
     if (uncertainty(best, s) <= uncertainty(other, s))
         return;
     part_of(best, l, s, r, false, y);
     part_of(other, l, s, r, true, x);
+}
+
+/* Likewise, of views that contradict each other. */
+static void part_contradicting(const line *l, const scene *s, const sums *u, const run *r,
+                               line *best, line *other) {
+    double x[4], y[4];
+    two_lines(u, r->from, r->to, x, y);
+    part(l, s, r, x, y, best, other);
+}
+
+/* Those that do not take part saw another edge, out of the line's reach. */
+static bool part_rejected(line *l, line *other, const scene *s) {
+    run r = find_rejected(l);
+    line best;
+    if (r.to - r.from < 2 * LEAST)
+        return false;
+    part(l, s, &r, NULL, l->x, &best, other);
+    if (!elsewhere(&best, other, s))
+        return false;
+    memcpy(l, &best, sizeof *l);
+    return true;
 }
 
 double line_contradiction(const line *l, const scene *s) {
@@ -205,7 +212,7 @@ bool line_split(line *l, line *other, const scene *s) {
     run r = find_run(&u, s->scale, false);
     if (r.from == r.to)
         return false;
-    part(l, s, &u, &r, &best, other);
+    part_contradicting(l, s, &u, &r, &best, other);
     if (!elsewhere(&best, other, s))
         return false;
     memcpy(l, &best, sizeof *l);
@@ -281,7 +288,7 @@ void line_prune(line *l, const scene *s) {
     run r = find_run(&u, s->scale, true);
     if (r.from == r.to)
         return;
-    part(l, s, &u, &r, &best, &other);
+    part_contradicting(l, s, &u, &r, &best, &other);
     bool different = look_different(&best, &other);
     double memory = different ? 1 : s->memory;
     double dropped = cost(&best, s, memory), off_by = apart(&best, l) - dropped;
