@@ -36,6 +36,31 @@ INLINE float eight_sum(const eight *a) {
     return ((*a)[0] + (*a)[4] + ((*a)[2] + (*a)[6])) + ((*a)[1] + (*a)[5] + ((*a)[3] + (*a)[7]));
 }
 
+/* The two halves' sum. */
+INLINE four eight_halves(const eight *a) {
+    return __builtin_shufflevector(*a, *a, 0, 1, 2, 3) +
+           __builtin_shufflevector(*a, *a, 4, 5, 6, 7);
+}
+
+/* eight_sum of four at once. */
+INLINE four eight_sums(const eight a[4]) {
+    four w = eight_halves(a), x = eight_halves(a + 1);
+    four y = eight_halves(a + 2), z = eight_halves(a + 3);
+    four first =
+        __builtin_shufflevector(w, x, 0, 4, 1, 5) + __builtin_shufflevector(w, x, 2, 6, 3, 7);
+    four last =
+        __builtin_shufflevector(y, z, 0, 4, 1, 5) + __builtin_shufflevector(y, z, 2, 6, 3, 7);
+    return __builtin_shufflevector(first, last, 0, 1, 4, 5) +
+           __builtin_shufflevector(first, last, 2, 3, 6, 7);
+}
+
+/* Whether a comparison was true in all lanes. */
+INLINE bool eight_all(const eight_ints *a) {
+    typedef int64_t pairs __attribute__((vector_size(32), aligned(16)));
+    pairs p = (pairs)*a;
+    return (p[0] & p[1] & (p[2] & p[3])) == -1;
+}
+
 /* Rows to columns. */
 INLINE void eight_transpose(const eight from[LANES], eight to[LANES]) {
     eight a[LANES], b[LANES];

@@ -15,9 +15,9 @@
 enum { BLOCKS = 8 };
 
 INLINE void solve(huber_line *l, double a, double b) {
-    const double *w = l->normal, det = w[0] * w[2] - w[1] * w[1];
-    l->offset += (w[2] * a - w[1] * b) / det;
-    l->slope += (w[0] * b - w[1] * a) / det;
+    const double *w = l->normal, per_det = 1 / (w[0] * w[2] - w[1] * w[1]);
+    l->offset += (w[2] * a - w[1] * b) * per_det;
+    l->slope += (w[0] * b - w[1] * a) * per_det;
 }
 
 /* Fills in `normal`, too. */
@@ -28,11 +28,12 @@ INLINE void least_squares(const huber_data *d, huber_line *l) {
         w0 += ww, w1 += wt, w2 += wt * d->t[i];
         q0 += ww * d->offset[i], q1 += wt * d->offset[i];
     }
-    l->normal[0] = (double)eight_sum(&w0);
-    l->normal[1] = (double)eight_sum(&w1);
+    four sum = eight_sums((eight[]){w0, w1, q0, q1});
+    l->normal[0] = (double)sum[0];
+    l->normal[1] = (double)sum[1];
     l->normal[2] = (double)eight_sum(&w2);
     l->offset = l->slope = 0;
-    solve(l, (double)eight_sum(&q0), (double)eight_sum(&q1));
+    solve(l, (double)sum[2], (double)sum[3]);
 }
 
 /* One step towards the line whose residuals, at most `limit` each, are orthogonal to it. Returns
@@ -50,12 +51,10 @@ INLINE double step(const huber_data *d, huber_line *l, float limit) {
         e *= d->weight[i];
         q0 += e, q1 += e * d->t[i];
     }
-    int32_t outside = 0;
-    for (int k = 0; k < LANES; k++)
-        outside += out[k];
-    l->misfit = (double)eight_sum(&square);
-    solve(l, (double)eight_sum(&q0), (double)eight_sum(&q1));
-    return 1 - (double)outside / d->n;
+    four sum = eight_sums((eight[]){q0, q1, square, __builtin_convertvector(out, eight)});
+    l->misfit = (double)sum[2];
+    solve(l, (double)sum[0], (double)sum[1]);
+    return 1 - (double)sum[3] / d->n;
 }
 
 /* Looks for the least limit that leaves enough within, from wide to narrow: gross outliers, and
@@ -102,19 +101,19 @@ double huber_beyond_chance(double variance, double dof, double sigma) {
 
 double huber_waves(const huber_data *d, const huber_line *l) {
     const float *offset = (const float *)d->offset, *weight = (const float *)d->weight;
-    const float *t = (const float *)d->t;
+    const float *t = (const float *)d->t, middle = (float)l->offset, slope = (float)l->slope;
     uint32_t size = d->n / BLOCKS > 4 ? d->n / BLOCKS : 4, blocks = d->n / size;
     double square = 0;
     if (blocks < 3)
         return 1;
     for (uint32_t k = 0; k < blocks; k++) {
-        double sum = 0, w = 0;
+        float sum = 0, w = 0;
         for (uint32_t i = k * size; i < (k + 1) * size; i++) {
-            double ww = (double)(weight[i] * weight[i]);
-            sum += ww * ((double)offset[i] - l->offset - l->slope * (double)t[i]);
+            float ww = weight[i] * weight[i];
+            sum += ww * (offset[i] - middle - slope * t[i]);
             w += ww;
         }
-        square += sum * sum / w;
+        square += (double)(sum * sum / w);
     }
     return huber_beyond_chance(square / (blocks - 2), blocks - 2, CHANCE);
 }
