@@ -23,6 +23,8 @@
 #define BENT 0.5          /* sigma of a pixel that linearising may cost */
 #define ROUNDING 0.2887   /* sigma of the noise of whole grey levels: 12^-1/2 */
 #define ESCAPED 1.5       /* px from the edge points at which a line is not theirs */
+#define BESIDE 6          /* times what it is at the line, a step 1 px aside is another edge's */
+#define UNSURE 0.7        /* sigma of a pixel, of a difference between means of four */
 
 enum { MIN_ROWS = 3, MAX_PASSES = 4, PROBE = 4 };
 
@@ -223,16 +225,22 @@ static double shape(const state *s, const row_sums *sum) {
                : 0;
 }
 
-/* Levels and blur, before anything is measured. */
-static void first_look(state *s, const rows *r, double gradient) {
-    double before, behind;
-    rows_probe(r, PROBE, &before, &behind);
+/* Levels and blur, before anything is measured. False when the grey levels step beside the line
+ * rather than at it, and no noise explains that: what would be measured is another edge. */
+static bool first_look(state *s, const rows *r, double gradient) {
+    double level[ROWS_PROBED];
+    rows_probe(r, PROBE, level);
+    double before = level[0], behind = level[ROWS_PROBED - 1], at = fabs(level[3] - level[2]);
+    double beside = fmax(fabs(level[2] - level[1]), fabs(level[4] - level[3]));
+    if (beside > BESIDE * (at + UNSURE * s->noise))
+        return false;
     s->base = (int)((before + behind) / 2);
     while (fabs(behind - before) > STEP_MOST << s->shift)
         s->shift++;
     s->blur = blur_guess(fabs(behind - before), gradient);
     if (!tells_blur(r))
         s->blur = fmin(s->blur, CROWDED_BLUR);
+    return true;
 }
 
 /* One Gauss-Newton step: moves the line and corrects the blur. */
@@ -241,8 +249,8 @@ static bool improve(refitter *f, state *s, double gradient) {
     rows_trace(r, &s->line, TRIM, s->blur > 0 ? (float)s->blur : 1);
     if (r->n < MIN_ROWS)
         return false;
-    if (!(s->blur > 0))
-        first_look(s, r, gradient);
+    if (!(s->blur > 0) && !first_look(s, r, gradient))
+        return false;
     int scale = step_scale((float)s->blur * r->slant);
     rows_measure(r, scale, s->base, s->shift);
     if (!find_step(s, r))

@@ -110,11 +110,10 @@ static int last_whole(const rows *r) {
                                               : (r->columns ? im->height : im->width) - STEP_HALF;
 }
 
-/* The pixels of the i-th row as differences from the base; those that are not within its half are
- * 0. */
-INLINE void fetch(const rows *r, uint32_t i, int last, int base, int shift, block *b, int16_t *px) {
+/* The pixels of a row as differences from the base; those that are not within its half are 0. */
+INLINE void fetch(const rows *r, const row_place *q, int last, int base, int shift, block *b,
+                  int16_t *px) {
     const arris_image *im = r->image;
-    const row_place *q = &r->place[i];
     const int16_t *inside = r->steps->inside[q->half - STEP_MIN];
     const uint8_t *p;
     if (q->at < STEP_HALF || q->at > last) {
@@ -190,22 +189,25 @@ INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t
 /* `filters` are those of one scale. */
 INLINE void measure(rows *r, const step_filter *filters, int base, int shift, filter *answer_to) {
     const float *t = (const float *)r->t;
+    const row_place *place = r->place;
+    eight *answers = r->answers, *offset = r->offset;
+    uint32_t n = r->n;
     float unit = (float)(1 << shift), per_answer = unit / STEP_UNIT;
     row_sums all = {0};
     block columns;
     columns.line = -BLOCK_LINES; /* holds nothing */
     int last = last_whole(r);
-    for (uint32_t i = 0; i < r->n; i++) {
-        const step_filter *f = &filters[r->place[i].filter];
+    for (uint32_t i = 0; i < n; i++) {
+        const step_filter *f = &filters[place[i].filter];
         int16_t px[STEP_WIDTH];
         eight_ints sum, square;
-        fetch(r, i, last, base, shift, &columns, px);
+        fetch(r, &place[i], last, base, shift, &columns, px);
         answer_to(f, px, &sum, &square);
         eight a = __builtin_convertvector(sum, eight) * per_answer;
         add(&all, f, &a, t[i]);
         all.squares += __builtin_convertvector(square, eight) * (unit * unit);
-        r->answers[i] = a;
-        r->offset[i] = f->offset;
+        answers[i] = a;
+        offset[i] = f->offset;
     }
     r->sum = all;
 }
@@ -233,19 +235,20 @@ void rows_measure(rows *r, int scale, int base, int shift) {
 
 /* ---- a first look --------------------------------------------------------------------------- */
 
-static double level_at(const rows *r, const row_place *q, int d) {
+void rows_probe(const rows *r, int reach, double level[ROWS_PROBED]) {
     const arris_image *im = r->image;
-    int u = q->at + d, x = r->columns ? q->line : u, y = r->columns ? u : q->line;
-    const uint8_t *p = im->data + y * im->stride;
-    return im->format == ARRIS_GREY16 ? ((const uint16_t *)(const void *)p)[x] : p[x];
-}
-
-void rows_probe(const rows *r, int reach, double *before, double *behind) {
-    *before = *behind = 0;
+    ptrdiff_t size = (ptrdiff_t)im->format, along = r->columns ? im->stride : size;
+    ptrdiff_t line = r->columns ? size : im->stride;
+    int sum[ROWS_PROBED] = {0};
     for (uint32_t k = 0; k < PROBES; k++) {
         const row_place *q = &r->place[r->n * (2 * k + 1) / (2 * PROBES)];
-        int d = q->half < reach ? q->half : reach;
-        *before += level_at(r, q, -d) / PROBES;
-        *behind += level_at(r, q, d - 1) / PROBES;
+        const uint8_t *p = im->data + q->line * line + q->at * along;
+        int d = q->half < reach ? q->half : reach, at[ROWS_PROBED] = {-d, -2, -1, 0, 1, d - 1};
+        for (int j = 0; j < ROWS_PROBED; j++) {
+            const uint8_t *pixel = p + at[j] * along;
+            sum[j] += size == 2 ? *(const uint16_t *)(const void *)pixel : *pixel;
+        }
     }
+    for (int j = 0; j < ROWS_PROBED; j++)
+        level[j] = (double)sum[j] / PROBES;
 }

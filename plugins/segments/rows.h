@@ -70,9 +70,11 @@ void rows_free(rows *r);
  * the step's as far as it is known, px. */
 void rows_trace(rows *r, const row_line *l, double trim, float blur);
 
-/* The mean grey levels before and behind the line in a few of the rows, `reach` px from it or as
- * far as the row goes. There must be rows. */
-void rows_probe(const rows *r, int reach, double *before, double *behind);
+enum { ROWS_PROBED = 6 };
+
+/* The mean grey levels of a few of the rows: `reach` px before the line or as far as the row goes,
+ * at the two pixels before and the two behind it, and as far behind it. There must be rows. */
+void rows_probe(const rows *r, int reach, double level[ROWS_PROBED]);
 
 /* Measures the rows by the filters of a scale. `base` is a grey level near those of the step, taken
  * off first, and 2^shift levels are the unit: what is further off than STEP_MOST of them is cut. */

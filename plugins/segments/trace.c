@@ -29,10 +29,15 @@ typedef struct course {
     double value, step, bend;
 } course;
 
-/* The course from row `first` of the parabola that has three values at v. */
-static course through(const double v[3], double a, double b, double c, int first) {
-    double ab = (b - a) / (v[1] - v[0]), bc = (c - b) / (v[2] - v[1]);
-    double bend = (bc - ab) / (v[2] - v[0]), from0 = first - v[0], from1 = first - v[1];
+/* Where a parabola is known, and the reciprocals of the differences. */
+typedef struct places {
+    double v[3], per01, per12, per02;
+} places;
+
+/* The course from row `first` of the parabola that has three values there. */
+static course through(const places *p, double a, double b, double c, int first) {
+    double ab = (b - a) * p->per01, bc = (c - b) * p->per12, bend = (bc - ab) * p->per02;
+    double from0 = first - p->v[0], from1 = first - p->v[1];
     return (course){a + from0 * (ab + from1 * bend), ab + (from0 + from1 + 1) * bend, 2 * bend};
 }
 
@@ -64,15 +69,15 @@ static bool stretch_make(const rows *r, const row_line *l, double t0, double t1,
     int lines = r->columns ? r->image->width : r->image->height;
     if (!(m.v > a.v && b.v > m.v && a.v < lines && b.v > -1))
         return false;
-    double v[3] = {a.v, m.v, b.v}, middle = l->length / 2;
-    double slope = (b.u - a.u) / (b.v - a.v), first, last;
+    places at = {{a.v, m.v, b.v}, 1 / (m.v - a.v), 1 / (b.v - m.v), 1 / (b.v - a.v)};
+    double middle = l->length / 2, slope = (b.u - a.u) * at.per02, first, last;
     s->first = a.v > 0 ? (int)ceil(a.v) : 0;
     s->end = b.v < lines ? (int)ceil(b.v) : lines;
-    s->u = through(v, a.u, m.u, b.u, s->first);
-    s->t = through(v, a.t - middle, m.t - middle, b.t - middle, s->first);
+    s->u = through(&at, a.u, m.u, b.u, s->first);
+    s->t = through(&at, a.t - middle, m.t - middle, b.t - middle, s->first);
     first = across_at(r, l, &a, slope - s->u.bend / 2 * (b.v - a.v));
     last = across_at(r, l, &b, slope + s->u.bend / 2 * (b.v - a.v));
-    s->across = through(v, first, (first + last) / 2, last, s->first);
+    s->across = through(&at, first, (first + last) / 2, last, s->first);
     s->per_along = (float)(sqrt(1 + slope * slope) / fmax(fabs(slope), 1e-3));
     s->to_end = (float)(middle - END * (double)blur);
     s->clear = (int)((float)CLEAR * blur * r->slant + 0.5f);
@@ -176,10 +181,7 @@ INLINE void keep(rows *r, const eight_rows *e) {
     memcpy(t, &e->t, sizeof e->t);
     memcpy(across, &e->across, sizeof e->across);
     memcpy(shift, &e->shift, sizeof e->shift);
-    int32_t all = -1;
-    for (int k = 0; k < LANES; k++)
-        all &= e->kept[k];
-    if (all) {
+    if (eight_all(&e->kept)) {
         r->n += LANES;
         return;
     }
