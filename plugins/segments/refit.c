@@ -43,6 +43,7 @@ typedef struct state {
     int base, shift;    /* a level near the step's; levels are measured in units of 2^shift */
     double level;       /* before the step */
     double blur;        /* px */
+    int scale;          /* of the filters */
     double widen;       /* relative excess of the blur over the filters' */
     double kink, slope; /* levels per px of the row that come of fading along the line */
     double lean;        /* share of the slopes beside the line that is taken out */
@@ -243,6 +244,29 @@ static bool first_look(state *s, const rows *r, double gradient) {
     return true;
 }
 
+/* What the linear model is wrong by, in sigma of a pixel: second order in the move, whose mean
+ * square in blurs is `square`, and in the blur as far as other filters suit it better. */
+static double bent(const state *s, const rows *r, double square) {
+    bool better = step_scale((float)s->blur * r->slant) != s->scale;
+    double error = 0.12 * square + (better ? 0.15 * s->widen * s->widen : 0);
+    return fabs(s->contrast[0]) * error / (s->noise * sqrt(fmax(1, shape(s, &r->sum))));
+}
+
+/* Measures the rows by the filters for the blur. */
+static bool measure(state *s, rows *r) {
+    s->scale = step_scale((float)s->blur * r->slant);
+    rows_measure(r, s->scale, s->base, s->shift);
+    bool found = find_step(s, r);
+    s->blur = (double)(step_blur(s->scale) / r->slant) * (1 + s->widen);
+    return found;
+}
+
+/* Whether the same rows would tell more by filters for the blur that was found: it is another, and
+ * not one that takes more room from neighbours. */
+static bool mistook_blur(const state *s, const rows *r) {
+    return rows_clear(r, (float)s->blur) <= r->clear && bent(s, r, 0) >= BENT;
+}
+
 /* One Gauss-Newton step: moves the line and corrects the blur. */
 static bool improve(refitter *f, state *s, double gradient) {
     rows *r = &f->rows;
@@ -251,11 +275,8 @@ static bool improve(refitter *f, state *s, double gradient) {
         return false;
     if (!(s->blur > 0) && !first_look(s, r, gradient))
         return false;
-    int scale = step_scale((float)s->blur * r->slant);
-    rows_measure(r, scale, s->base, s->shift);
-    if (!find_step(s, r))
+    if (!measure(s, r) || (mistook_blur(s, r) && !measure(s, r)))
         return false;
-    s->blur = (double)(step_blur(scale) / r->slant) * (1 + s->widen);
     find_offsets(f, s);
     huber_data d = data_of(f);
     huber_fit(&d, &s->step);
@@ -263,12 +284,10 @@ static bool improve(refitter *f, state *s, double gradient) {
     return isfinite(s->step.offset) && isfinite(s->step.slope) && isfinite(s->step.spread);
 }
 
-/* What the linear model is wrong by, in sigma of a pixel: second order in the move and the blur. */
-static double bent(const state *s, const row_sums *sum) {
+/* The mean square of the line's move, in blurs. */
+static double square_move(const state *s) {
     double offset = s->step.offset, end = s->step.slope * s->line.length / 2;
-    double moved = (offset * offset + end * end / 3) / (s->blur * s->blur);
-    double error = fabs(s->contrast[0]) * (0.12 * moved + 0.15 * s->widen * s->widen);
-    return error / (s->noise * sqrt(fmax(1, shape(s, sum))));
+    return (offset * offset + end * end / 3) / (s->blur * s->blur);
 }
 
 /* Variance, px², of what the rows cannot tell as they have it in common. */
@@ -312,7 +331,7 @@ bool refit(refitter *f, const refit_start *start, arris_segment *out) {
             return false;
         if (!known)
             s.noise *= fmax(1, sqrt(shape(&s, &f->rows.sum)));
-        if ((known || k > 0) && bent(&s, &f->rows.sum) < BENT)
+        if ((known || k > 0) && bent(&s, &f->rows, square_move(&s)) < BENT)
             break;
     }
     result(f, &s, out);

@@ -50,6 +50,8 @@ typedef struct rows {
     uint32_t room; /* sum of the half-widths, px */
     bool columns;  /* the rows are columns of the picture */
     float slant;   /* px of a row that the step covers per px across it */
+    int clear;     /* px of a row that are kept from another edge */
+    float end;     /* px along the line that are kept from its end */
     row_sums sum;
     row_place *place; /* of each row */
     /* likewise, in eights; the last eight are filled up with copies */
@@ -69,6 +71,9 @@ void rows_free(rows *r);
  * another edge, the border or the line's end leaves less than STEP_MIN px to either side. `blur` is
  * the step's as far as it is known, px. */
 void rows_trace(rows *r, const row_line *l, double trim, float blur);
+
+/* What `clear` would be for a step of this blur, px. */
+int rows_clear(const rows *r, float blur);
 
 enum { ROWS_PROBED = 6 };
 

@@ -59,8 +59,7 @@ static double across_at(const rows *r, const row_line *l, const node *a, double 
 }
 
 /* From t0 to t1. False when the line does not go through the rows one by one. */
-static bool stretch_make(const rows *r, const row_line *l, double t0, double t1, float blur,
-                         stretch *s) {
+static bool stretch_make(const rows *r, const row_line *l, double t0, double t1, stretch *s) {
     node a = node_at(r, l, t0, 0), m = node_at(r, l, (t0 + t1) / 2, 0), b = node_at(r, l, t1, 0);
     if (a.v > b.v) {
         node swap = a;
@@ -79,8 +78,8 @@ static bool stretch_make(const rows *r, const row_line *l, double t0, double t1,
     last = across_at(r, l, &b, slope + s->u.bend / 2 * (b.v - a.v));
     s->across = through(&at, first, (first + last) / 2, last, s->first);
     s->per_along = (float)(sqrt(1 + slope * slope) / fmax(fabs(slope), 1e-3));
-    s->to_end = (float)(middle - END * (double)blur);
-    s->clear = (int)((float)CLEAR * blur * r->slant + 0.5f);
+    s->to_end = (float)middle - r->end;
+    s->clear = r->clear;
     s->own = s->clear < 4 ? 2 : s->clear < 10 ? s->clear / 2 : 5;
     return true;
 }
@@ -257,6 +256,10 @@ static void fill_up(rows *r) {
         t[i] = t[i - 1], across[i] = across[i - 1], shift[i] = shift[i - 1];
 }
 
+int rows_clear(const rows *r, float blur) {
+    return (int)((float)CLEAR * blur * r->slant + 0.5f);
+}
+
 void rows_trace(rows *r, const row_line *l, double trim, float blur) {
     double t0 = trim, t1 = l->length - trim;
     r->n = r->room = 0;
@@ -264,11 +267,13 @@ void rows_trace(rows *r, const row_line *l, double trim, float blur) {
     if (!(t1 > t0))
         return;
     choose_rows(r, l, t0, t1);
+    r->clear = rows_clear(r, blur);
+    r->end = (float)END * blur;
     int blocks = r->lens ? 1 + (int)((t1 - t0) / BLOCK) : 1;
     for (int k = 0; k < blocks; k++) {
         stretch s;
         double from = t0 + (t1 - t0) * k / blocks, to = t0 + (t1 - t0) * (k + 1) / blocks;
-        if (stretch_make(r, l, from, to, blur, &s))
+        if (stretch_make(r, l, from, to, &s))
             (HAS_AVX2 && !r->portable ? place_avx2 : place_portable)(r, &s);
     }
     fill_up(r);
