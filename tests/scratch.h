@@ -14,7 +14,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static char scratch_folder[64];
+static char scratch_template[] = "/tmp/arris-test-XXXXXX";
+static char *scratch_folder; /* NULL: there is none yet */
 
 static inline int scratch_remove_one(const char *path, const struct stat *st, int flag,
                                      struct FTW *ftw) {
@@ -34,9 +35,9 @@ static inline void scratch_end(void) {
 static inline const char *scratch(const char *name) {
     static char path[8][PATH_MAX];
     static unsigned turn;
-    if (!*scratch_folder) {
-        strcpy(scratch_folder, "/tmp/arris-test-XXXXXX");
-        if (!mkdtemp(scratch_folder) || atexit(scratch_end))
+    if (!scratch_folder) {
+        scratch_folder = mkdtemp(scratch_template);
+        if (!scratch_folder || atexit(scratch_end))
             abort();
     }
     char *p = path[turn++ % 8];

@@ -27,9 +27,10 @@ static FILE *open_temporary(char *name, const char *mode) {
 }
 
 static char *temporary_name(const char *path) {
-    char *name = malloc(strlen(path) + sizeof ".XXXXXX");
+    size_t room = strlen(path) + sizeof ".XXXXXX";
+    char *name = malloc(room);
     if (name)
-        strcat(strcpy(name, path), ".XXXXXX");
+        snprintf(name, room, "%s.XXXXXX", path);
     return name;
 }
 
