@@ -8,6 +8,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "invert.h"
 #include "work.h"
 
 enum { STRETCHES = 5, LEAST = 12, STEPS = 6 }; /* of a line's views; of a fit */
@@ -17,19 +18,13 @@ static const double APART = 25;                /* likewise, of a view that is no
 static const double HALF = 0.5;                /* of the views, at least, agree */
 static const double ENOUGH = 0.95;             /* of the views, that need no other fit */
 
-/* Solves the normal equations of a line, N x = b, by Gauss; they are positive definite. */
+/* Solves the normal equations of a line, N x = b, which its hold makes positive definite. */
 static void solve(double N[4][5], double x[4]) {
-    for (int i = 0; i < 4; i++)
-        for (int k = i + 1; k < 4; k++) {
-            double l = N[k][i] / N[i][i];
-            for (int j = i; j < 5; j++)
-                N[k][j] -= l * N[i][j];
-        }
-    for (int i = 3; i >= 0; i--) {
-        x[i] = N[i][4];
-        for (int j = i + 1; j < 4; j++)
-            x[i] -= N[i][j] * x[j];
-        x[i] /= N[i][i];
+    bool solved = invert(&N[0][0], 4, 5);
+    for (int i = 0; i < 4; i++) {
+        x[i] = 0;
+        for (int j = 0; solved && j < 4; j++)
+            x[i] += N[i][j] * N[j][4];
     }
 }
 

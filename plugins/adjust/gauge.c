@@ -9,9 +9,10 @@
 #include <string.h>
 
 #include "adjust.h"
+#include "invert.h"
 
 enum { GAUGE = 7, MOST = GAUGE + ADJ_COMMON };
-static const double SINGULAR = 1e-12;
+_Static_assert((int)MOST <= (int)INVERT_MAX, "invert has room");
 
 /* How the error of a frame moves with the gauge, and with the common states. */
 static void directions(const adj_problem *p, uint32_t frame, const double centre[3],
@@ -51,39 +52,6 @@ static void sum_prior(const adj_problem *p, const double centre[3], double M[MOS
         M[GAUGE + k][GAUGE + k] += 1 / (p->state_sigma[k] * p->state_sigma[k]);
 }
 
-/* The inverse of the first n rows, scaled to a unit diagonal, by Gauss and Jordan. */
-static bool invert(double M[MOST][MOST], int n) {
-    double s[MOST];
-    for (int i = 0; i < n; i++) {
-        s[i] = 1 / sqrt(M[i][i]);
-        if (!isfinite(s[i]))
-            return false;
-    }
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++)
-            M[i][j] *= s[i] * s[j];
-    for (int i = 0; i < n; i++) {
-        double d = M[i][i];
-        if (!(d > SINGULAR))
-            return false;
-        M[i][i] = 1;
-        for (int j = 0; j < n; j++)
-            M[i][j] /= d;
-        for (int k = 0; k < n; k++) {
-            double l = M[k][i];
-            if (k == i)
-                continue;
-            M[k][i] = 0;
-            for (int j = 0; j < n; j++)
-                M[k][j] -= l * M[i][j];
-        }
-    }
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++)
-            M[i][j] *= s[i] * s[j];
-    return true;
-}
-
 bool adj_gauge(const adj_problem *p, double centre[3], double cov[49]) {
     double M[MOST][MOST] = {{0}};
     for (int k = 0; k < 3; k++) {
@@ -92,7 +60,7 @@ bool adj_gauge(const adj_problem *p, double centre[3], double cov[49]) {
             centre[k] += p->frame[i].reported.C[k] / p->n_frames;
     }
     sum_prior(p, centre, M);
-    if (!invert(M, GAUGE + adj_n_common(p)))
+    if (!invert(&M[0][0], GAUGE + adj_n_common(p), MOST))
         return false;
     for (int i = 0; i < GAUGE; i++)
         for (int j = 0; j < GAUGE; j++)

@@ -8,28 +8,11 @@
 #include <string.h>
 
 #include "arris_geometry.h"
+#include "invert.h"
 
 static const double LEAST = 1e-3; /* mm, of the spread by which the edges do not fit */
 static const double OUTER = 9;    /* squared distances, in that spread, that weigh half or less */
 enum { STEPS = 40 };
-
-/* The inverse of a positive definite n x n matrix, by Gauss and Jordan; n <= 6. */
-static void invert(int n, double *A) {
-    for (int k = 0; k < n; k++) {
-        double pivot = A[k * n + k];
-        A[k * n + k] = 1;
-        for (int i = 0; i < n; i++)
-            A[k * n + i] /= pivot;
-        for (int i = 0; i < n; i++) {
-            double f = A[i * n + k];
-            if (i == k)
-                continue;
-            A[i * n + k] = 0;
-            for (int j = 0; j < n; j++)
-                A[i * n + j] -= f * A[k * n + j];
-        }
-    }
-}
 
 void place_identity(place *w, const nominal *m) {
     double size = 0;
@@ -48,7 +31,8 @@ static void weigh(const piece *e, double form, double W[4][4]) {
     memcpy(W, e->cov, sizeof e->cov);
     for (int i = 0; i < 4; i++)
         W[i][i] += form;
-    invert(4, &W[0][0]);
+    if (!invert(&W[0][0], 4, 4))
+        memset(W, 0, sizeof e->cov);
     for (int i = 0; i < 4; i++)
         for (int k = 0; k < 4; k++)
             W[i][k] *= e->weight;
@@ -138,7 +122,8 @@ static double step(place *w, const piece *e, uint32_t n, double search, double m
                     w->inverse[r][c] += JW[r][k] * J[k][c];
             }
     }
-    invert(6, &w->inverse[0][0]);
+    if (!invert(&w->inverse[0][0], 6, 6))
+        memset(w->inverse, 0, sizeof w->inverse);
     for (int i = 0; i < 6; i++) {
         for (int k = 0; k < 6; k++)
             x[i] += w->inverse[i][k] * b[k];
