@@ -13,9 +13,8 @@ static bool test(const truth *edges, const char *list, const char *name, double 
     scan s = scan_measure(list, "", "", ""), old = scan_measure(list, "", "mode=thesis", "");
     score r = scan_score(&s, edges, 3), o = scan_score(&old, edges, 3);
     printf(
-        "%s: %d lines; with the thesis's segments %d, %d of them wrong, %d of %d edges, RMS %.3f "
-        "mm\n",
-        name, r.lines, o.lines, o.wrong, o.found, o.edges, o.rms);
+        "%s: %d lines; with the thesis's segments %d, %d of them wrong, %d of %d edges, RMS %s\n",
+        name, r.lines, o.lines, o.wrong, o.found, o.edges, in_mm(o.rms).s);
     snprintf(what, sizeof what, "%s: of %d edges are not measured", name, r.edges);
     bool good = report(what, r.edges - r.found, "", "-", 0);
     snprintf(what, sizeof what, "%s: measured lines that lie on no edge", name);

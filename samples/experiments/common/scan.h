@@ -79,7 +79,7 @@ int truth_match(const truth *t, const arris_line *l, double tau);
 typedef struct score {
     int edges, found; /* observable ones, and those of them on which a measured line lies */
     int lines, wrong; /* measured ones, and those that lie on no edge */
-    double rms;       /* mm, over the lines that lie on one: of edge_distance */
+    double rms;       /* mm, over the lines on an observable one: of edge_distance; NAN: none */
 } score;
 score scan_score(const scan *s, const truth *t, double tau);
 
@@ -95,6 +95,12 @@ double middle_variance(const arris_line *l, const double u[3]);
 /* Prints a figure beside the thesis's (a text; "-": none is known) and the most that it may be.
  * Returns whether it is at most that; NAN is not. */
 bool report(const char *what, double value, const char *unit, const char *thesis, double most);
+
+/* "0.123 mm", or "none" for NAN. */
+typedef struct text_mm {
+    char s[24];
+} text_mm;
+text_mm in_mm(double v);
 
 /* The median of n values, which it sorts; NAN of none. */
 double median(double *v, int n);

@@ -80,18 +80,23 @@ int truth_match(const truth *t, const arris_line *l, double tau) {
 score scan_score(const scan *s, const truth *t, double tau) {
     score r = {0};
     bool found[EDGES] = {0};
+    int n = 0;
     for (int i = 0; i < s->n; i++) {
         if (s->line[i].state != ARRIS_MEASURED)
             continue;
         int e = truth_match(t, &s->line[i], tau);
-        double d = e < 0 ? 0 : edge_distance(&t->edge[e], &s->line[i]);
         r.lines++;
         r.wrong += e < 0;
+        if (e < 0)
+            continue;
+        found[e] = true;
+        if (!t->edge[e].observable)
+            continue;
+        double d = edge_distance(&t->edge[e], &s->line[i]);
         r.rms += d * d;
-        if (e >= 0)
-            found[e] = true;
+        n++;
     }
-    r.rms = sqrt(r.rms / (r.lines - r.wrong));
+    r.rms = n > 0 ? sqrt(r.rms / n) : NAN;
     for (int i = 0; i < t->n; i++) {
         r.edges += t->edge[i].observable;
         r.found += t->edge[i].observable && found[i];
@@ -135,6 +140,13 @@ bool report(const char *what, double value, const char *unit, const char *thesis
     printf("%-52s %9.4g %-2s  thesis %-8s at most %-6g %s\n", what, value, unit, thesis, most,
            good ? "ok" : "FAILED");
     return good;
+}
+
+text_mm in_mm(double v) {
+    text_mm t = {"none"};
+    if (!isnan(v))
+        snprintf(t.s, sizeof t.s, "%.3f mm", v);
+    return t;
 }
 
 static int ascending(const void *a, const void *b) {

@@ -60,8 +60,8 @@ int main(void) {
     for (int i = 0; i < POINTS; i++) {
         measure(i);
         ratio[i] = error[0][i] / bound_at(noise[i]);
-        printf("noise %4.1f: %.4f mm, bound %.4f mm; with the thesis's segments %.3f mm\n",
-               noise[i], error[0][i], bound_at(noise[i]), error[1][i]);
+        printf("noise %4.1f: %.4f mm, bound %.4f mm; with the thesis's segments %s\n", noise[i],
+               error[0][i], bound_at(noise[i]), in_mm(error[1][i]).s);
         plot_dot(&p, PLOT_BLUE, 4, noise[i], error[0][i]);
         plot_dot(&p, PLOT_RED, 4, noise[i], error[1][i]);
     }

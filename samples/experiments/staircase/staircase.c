@@ -45,8 +45,8 @@ static bool test(const char *list, const truth *t, const char *name, const char 
     score r = scan_score(&s, t, 3);
     scan old = scan_measure(list, "", "mode=thesis", "");
     score o = scan_score(&old, t, 3);
-    printf("%s: %d lines, %d of them wrong; with the thesis's segments %d, %d, RMS %.3f mm\n", name,
-           r.lines, r.wrong, o.lines, o.wrong, o.rms);
+    printf("%s: %d lines, %d of them wrong; with the thesis's segments %d, %d, RMS %s\n", name,
+           r.lines, r.wrong, o.lines, o.wrong, in_mm(o.rms).s);
     snprintf(what, sizeof what, "%s: of %d edges are not measured", name, r.edges);
     bool good = report(what, r.edges - r.found, "", "-", 0);
     snprintf(what, sizeof what, "%s: RMS distance from the true edges", name);
