@@ -398,6 +398,39 @@ static void what_is_not_there_is_not_found(void **state) {
     bench_free(&b);
 }
 
+/* The strip's bright side, with square corners. */
+static double plate_level(const void *scene, double x, double y) {
+    const strip *s = scene;
+    double c = cos(s->angle), d = sin(s->angle), b = strip_blur(s);
+    double t = (x - s->x) * c + (y - s->y) * d, u = (y - s->y) * c - (x - s->x) * d;
+    return s->dark + (s->bright - s->dark) * normal_below(u / b) *
+                         normal_below((s->length / 2 - t) / b) *
+                         normal_below((s->length / 2 + t) / b);
+}
+
+/* The corners of a blurred line, which rows of pixels cut aslant, do not turn it. */
+static void corners_do_not_turn_a_line(void **state) {
+    (void)state;
+    bench b = bench_new();
+    enum { ANGLES = 12, N = 50 };
+    double squares = 0;
+    for (int k = 0; k < ANGLES; k++) {
+        double turn = 0;
+        for (int i = 0; i < N; i++) {
+            strip s = strip_anywhere(W, H, 60, 120, &b.seed);
+            s.psf = 1.4, s.angle = 0.2 + 2 * M_PI * k / ANGLES;
+            picture_draw(&b.image, plate_level, &s, 1, &b.seed);
+            const arris_segment *g = look(&b, &s, -30, 30, 0, 0);
+            assert_non_null(g);
+            turn += strip_compare(&s, g).angle * s.length / 2 / N;
+        }
+        squares += turn * turn / ANGLES;
+    }
+    print_message("the ends turn by %.4f px\n", sqrt(squares));
+    assert_true(sqrt(squares) < 0.004);
+    bench_free(&b);
+}
+
 typedef struct pair {
     strip a, b;
 } pair;
@@ -584,6 +617,7 @@ int main(void) {
         cmocka_unit_test(ends_are_where_they_are_seen),
         cmocka_unit_test(a_short_gap_is_bridged),
         cmocka_unit_test(what_is_not_there_is_not_found),
+        cmocka_unit_test(corners_do_not_turn_a_line),
         cmocka_unit_test(neighbours_do_not_swap),
         cmocka_unit_test(no_line_is_told_twice),
         cmocka_unit_test(a_scan_gives_the_same_lines),

@@ -323,6 +323,7 @@ bool refit(refitter *f, const refit_start *start, arris_segment *out) {
     state s = {.line = {start->x1, start->y1, dx / length, dy / length, length},
                .noise = known ? start->noise : ROUNDING};
     double moved = 0;
+    f->rows.whole = start->whole;
     for (int k = 0; k < MAX_PASSES; k++) {
         if (!improve(f, &s, start->gradient))
             return false;

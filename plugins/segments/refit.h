@@ -11,6 +11,7 @@ typedef struct refit_start {
     double x1, y1, x2, y2; /* the ends as observed, px, brighter side on the right */
     double gradient;       /* mean of the smoothed picture's across the line, levels per px */
     double noise;          /* sigma of one pixel, levels; 0: from what the fit leaves */
+    bool whole;            /* the ends are the edge's own; else `edges` lost it there */
 } refit_start;
 
 typedef struct refitter refitter;

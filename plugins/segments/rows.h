@@ -50,6 +50,7 @@ typedef struct rows {
     uint32_t room; /* sum of the half-widths, px */
     bool columns;  /* the rows are columns of the picture */
     float slant;   /* px of a row that the step covers per px across it */
+    bool whole;    /* the line's ends are the edge's own */
     int clear;     /* px of a row that are kept from another edge */
     float end;     /* px along the line that are kept from its end */
     row_sums sum;

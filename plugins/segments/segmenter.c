@@ -168,7 +168,8 @@ static void measure(segmenter *s, const piece *p, float noise, bool look, arris_
         return;
     if (look) {
         refit_start start = {
-            p->x1, p->y1, p->x2, p->y2, (p->gy * p->dx - p->gx * p->dy) / p->n, (double)noise};
+            p->x1,         p->y1, p->x2, p->y2, (p->gy * p->dx - p->gx * p->dy) / p->n,
+            (double)noise, false};
         if (!refit(s->refitter, &start, &found))
             return;
     } else {

@@ -198,7 +198,8 @@ static void measure_start(const support *s, const course *c, refit_start *start)
                            .y1 = e[0][1],
                            .x2 = e[1][0],
                            .y2 = e[1][1],
-                           .gradient = gradient_of(s, across)};
+                           .gradient = gradient_of(s, across),
+                           .whole = true};
 }
 
 /* Chooses rows or columns, by how the line lies in the picture. False: it has no direction. */

@@ -7,9 +7,10 @@
 #include <math.h>
 #include <string.h>
 
-#define CLEAR 2.5  /* a neighbour's step is over at this many of its blurs */
-#define END 2.35   /* blurs along the line that a row keeps from the line's end */
-#define BLOCK 32.0 /* px over which a bent line is a parabola, to 0.001 px */
+#define CLEAR 2.5    /* a neighbour's step is over at this many of its blurs */
+#define CORNER 3.15f /* blurs along the line that a row keeps from an end of the edge, */
+#define LOST 2.35f   /* and from where `edges` loses it, which is inside */
+#define BLOCK 32.0   /* px over which a bent line is a parabola, to 0.001 px */
 
 /* A point of the line in the picture: v is the number of the row, u the place in it. */
 typedef struct node {
@@ -268,7 +269,7 @@ void rows_trace(rows *r, const row_line *l, double trim, float blur) {
         return;
     choose_rows(r, l, t0, t1);
     r->clear = rows_clear(r, blur);
-    r->end = (float)END * blur;
+    r->end = (r->whole ? CORNER : LOST) * blur;
     int blocks = r->lens ? 1 + (int)((t1 - t0) / BLOCK) : 1;
     for (int k = 0; k < blocks; k++) {
         stretch s;
