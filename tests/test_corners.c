@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "corners/detect.h"
+#include "strip.h"
 
 enum { SIDE = 120, MAX = 200 };
 
@@ -40,13 +41,6 @@ static double rectangle(const place *c, double x, double y) {
     return step(a) * step(50 - a) * step(b) * step(40 - b);
 }
 
-static arris_image new_image(enum arris_format format, int width, int height) {
-    arris_image im = {format, width, height, (width * (int)format + 63) / 64 * 64, NULL, NULL};
-    im.data = calloc(1, (size_t)(im.stride * height) + 64);
-    assert_non_null(im.data);
-    return im;
-}
-
 static void set(const arris_image *im, int x, int y, double share) {
     uint8_t *at = im->data + y * im->stride + x * (int)im->format;
     if (im->format == ARRIS_GREY8)
@@ -57,7 +51,7 @@ static void set(const arris_image *im, int x, int y, double share) {
 
 static arris_image draw(enum arris_format format, const place *c,
                         double (*what)(const place *, double, double)) {
-    arris_image im = new_image(format, SIDE, SIDE);
+    arris_image im = picture_new(SIDE, SIDE, format);
     for (int y = 0; y < SIDE; y++)
         for (int x = 0; x < SIDE; x++)
             set(&im, x, y, what(c, x, y));
@@ -107,7 +101,7 @@ static void corners_are_where_they_were_drawn(void **state) {
 
 /* Grey levels without any order, always the same. */
 static arris_image noise(enum arris_format format, int width, int height) {
-    arris_image im = new_image(format, width, height);
+    arris_image im = picture_new(width, height, format);
     uint32_t random = 1;
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++)
@@ -147,7 +141,7 @@ static void a_blank_picture_has_none(void **state) {
     (void)state;
     arris_corner item[MAX];
     for (int format = ARRIS_GREY8; format <= ARRIS_GREY16; format++) {
-        arris_image im = new_image((enum arris_format)format, 64, 48);
+        arris_image im = picture_new(64, 48, (enum arris_format)format);
         assert_int_equal(find(im, DETECT_SHI_TOMASI, item, MAX).n, 0);
     }
 }

@@ -14,6 +14,7 @@
 
 #include "flow/dense.h"
 #include "flow/grey.h"
+#include "strip.h"
 
 enum { MOST = 320 * 240 };
 
@@ -25,13 +26,6 @@ static double texture(double x, double y) {
         sum += sin(2 * M_PI * (x * cos(angle) + y * sin(angle)) / length + k);
     }
     return fmin(fmax(0.5 + sum / 24, 0), 1);
-}
-
-static arris_image new_image(enum arris_format format, int width, int height) {
-    arris_image im = {format, width, height, (width * (int)format + 63) / 64 * 64, NULL, NULL};
-    im.data = calloc(1, (size_t)(im.stride * height) + 64);
-    assert_non_null(im.data);
-    return im;
 }
 
 static void set(const arris_image *im, int x, int y, double share) {
@@ -67,7 +61,7 @@ static double median(float *v, size_t n) {
 }
 
 static void check_motion(enum arris_format format, double dx, double dy) {
-    arris_image im = new_image(format, 320, 240);
+    arris_image im = picture_new(320, 240, format);
     planes *p = malloc(sizeof *p);
     arris_flow out = flow_of(p, 320, 240);
     dense *d = dense_new();
@@ -105,7 +99,7 @@ static void every_size_and_noise_are_safe(void **state) {
     assert_non_null(p);
     for (int i = 0; i < 128; i++) {
         arris_image im =
-            new_image(i < 64 ? ARRIS_GREY8 : ARRIS_GREY16, sides[i % 8], sides[i / 8 % 8]);
+            picture_new(sides[i % 8], sides[i / 8 % 8], i < 64 ? ARRIS_GREY8 : ARRIS_GREY16);
         arris_flow out = flow_of(p, im.width, im.height);
         dense *d = dense_new();
         for (int k = 0; k < 3; k++) {
