@@ -131,7 +131,7 @@ static int read_options(int argc, char **argv, command *m, fault *f) {
                                           {"output", required_argument, NULL, 'o'},
                                           {"help", no_argument, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
-    int r = options_read(argc, argv, table, read_option, m, hint, f);
+    int r = options_read(argc, argv, "ho:", table, read_option, m, hint, f);
     if (r == 0 && argc - optind != 3)
         return fault_set(f, ARRIS_E_USAGE, hint,
                          "it takes three files: lines.json frames.csv segments.csv");

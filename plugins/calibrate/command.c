@@ -145,7 +145,8 @@ static int read_options(int argc, char **argv, command *m, fault *f) {
                                           {"output", required_argument, NULL, 'o'},
                                           {"help", no_argument, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
-    int r = options_read(argc, argv, table, read_option, m, "see `arris calibrate --help`", f);
+    int r =
+        options_read(argc, argv, "ho:", table, read_option, m, "see `arris calibrate --help`", f);
     m->paths = argv + optind;
     m->n_paths = argc - optind;
     return r;

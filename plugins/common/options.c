@@ -4,12 +4,12 @@
  */
 #include "options.h"
 
-int options_read(int argc, char **argv, const struct option *table, option_taker *take, void *self,
-                 const char *hint, fault *f) {
+int options_read(int argc, char **argv, const char *letters, const struct option *table,
+                 option_taker *take, void *self, const char *hint, fault *f) {
     int r = 0;
     optind = 0; /* glibc: from the beginning */
     opterr = 0;
-    for (int c; r == 0 && (c = getopt_long(argc, argv, "ho:", table, NULL)) != -1;) {
+    for (int c; r == 0 && (c = getopt_long(argc, argv, letters, table, NULL)) != -1;) {
         if (c == 'h')
             return 1;
         if (c == '?')

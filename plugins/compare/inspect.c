@@ -4,7 +4,6 @@
  * verdict: as files, as a table, as the exit code. The pipeline itself is `arris launch`'s.
  */
 #include <errno.h>
-#include <getopt.h>
 #include <jansson.h>
 #include <math.h>
 #include <signal.h>
@@ -18,6 +17,7 @@
 #include "arris_plugin.h"
 
 #include "nominal.h"
+#include "options.h"
 
 static const char help[] =
     "usage: arris inspect [-o FOLDER] [--json] [-q] RECIPE [WORD...]\n"
@@ -42,6 +42,11 @@ typedef struct options {
 
 enum { OK = 0, FAIL = 1, USAGE = 2, INDETERMINATE = 3, INPUT = 4, INTERNAL = 5 };
 
+static void tell(const fault *f) {
+    fprintf(stderr, "arris inspect: %s\n%s%s%s", f->text, f->hint ? "  " : "",
+            f->hint ? f->hint : "", f->hint ? "\n" : "");
+}
+
 /* ---- the edges of a model -------------------------------------------------------------------- */
 
 static int list_edges(const options *o) {
@@ -49,8 +54,7 @@ static int list_edges(const options *o) {
     fault f = {.hint = NULL};
     int r = nominal_read(&m, o->edges, o->crease * 0.017453292519943295, o->min_length, &f);
     if (r)
-        fprintf(stderr, "arris inspect: %s\n%s%s%s", f.text, f.hint ? "  " : "",
-                f.hint ? f.hint : "", f.hint ? "\n" : "");
+        tell(&f);
     else
         printf("%-20s %10s   %s\n", "edge", "length/mm", "from, to / mm");
     for (uint32_t i = 0; r == 0 && i < m.n_edges; i++) {
@@ -178,13 +182,41 @@ static int conclude(const options *o, const char *path) {
 
 /* ---- the command ----------------------------------------------------------------------------- */
 
-static bool positive(const char *text, double *v) {
+static const char hint[] = "see `arris inspect --help`";
+
+static int read_number(const char *option, double *v, fault *f) {
     char *end;
-    *v = strtod(text, &end);
-    return end != text && *end == 0 && isfinite(*v) && *v >= 0;
+    *v = strtod(optarg, &end);
+    if (end != optarg && *end == 0 && isfinite(*v) && *v >= 0)
+        return 0;
+    return fault_set(f, ARRIS_E_USAGE, hint, "%s %.40s: expected a number, 0 or above", option,
+                     optarg);
 }
 
-static int parse_options(int argc, char **argv, options *o) {
+static int read_option(int c, void *self, fault *f) {
+    options *o = self;
+    switch (c) {
+    case 'j':
+        o->json = true;
+        return 0;
+    case 'q':
+        o->quiet = true;
+        return 0;
+    case 'e':
+        o->edges = optarg;
+        return 0;
+    case 'c':
+        return read_number("--crease-angle", &o->crease, f);
+    case 'm':
+        return read_number("--min-length", &o->min_length, f);
+    default:
+        o->folder = optarg;
+        return 0;
+    }
+}
+
+/* 0; 1, the help was asked for; or an error. */
+static int read_options(int argc, char **argv, options *o, fault *f) {
     static const struct option table[] = {{"json", no_argument, NULL, 'j'},
                                           {"edges", required_argument, NULL, 'e'},
                                           {"crease-angle", required_argument, NULL, 'c'},
@@ -192,59 +224,29 @@ static int parse_options(int argc, char **argv, options *o) {
                                           {"quiet", no_argument, NULL, 'q'},
                                           {"help", no_argument, NULL, 'h'},
                                           {NULL, 0, NULL, 0}};
-    for (int c; (c = getopt_long(argc, argv, "+o:qh", table, NULL)) != -1;) {
-        bool good = true;
-        switch (c) {
-        case 'o':
-            o->folder = optarg;
-            break;
-        case 'j':
-            o->json = true;
-            break;
-        case 'q':
-            o->quiet = true;
-            break;
-        case 'e':
-            o->edges = optarg;
-            break;
-        case 'c':
-            good = positive(optarg, &o->crease);
-            break;
-        case 'm':
-            good = positive(optarg, &o->min_length);
-            break;
-        case 'h':
-            fputs(help, stdout);
-            return -1;
-        default:
-            good = false;
-        }
-        if (!good) {
-            fputs("  see `arris inspect --help`\n", stderr);
-            return USAGE;
-        }
-    }
-    return 0;
+    struct stat st;
+    int r = options_read(argc, argv, "+ho:q", table, read_option, o, hint, f);
+    if (r == 0 && !o->edges && optind == argc)
+        return fault_set(f, ARRIS_E_USAGE, hint, "give it a recipe");
+    if (r == 0 && (strlen(o->folder) > 4000 || stat(o->folder, &st) || !S_ISDIR(st.st_mode)))
+        return fault_set(f, ARRIS_E_USAGE, "create it first", "there is no folder '%.300s'",
+                         o->folder);
+    return r;
 }
 
 static int run(int argc, char **argv) {
     options o = {.folder = ".", .crease = 25, .min_length = 15};
     char paths[3][4096], recipe[4096];
-    struct stat st;
-    argv[0] = (char[]){"arris inspect"};
-    int rc = parse_options(argc, argv, &o);
+    fault f;
+    int rc = read_options(argc, argv, &o, &f);
+    if (rc > 0)
+        fputs(help, stdout);
+    if (rc < 0)
+        tell(&f);
     if (rc)
-        return rc < 0 ? OK : rc;
+        return rc < 0 ? USAGE : OK;
     if (o.edges)
         return list_edges(&o);
-    if (optind == argc) {
-        fputs("arris inspect: give it a recipe; see `arris inspect --help`\n", stderr);
-        return USAGE;
-    }
-    if (strlen(o.folder) > 4000 || stat(o.folder, &st) || !S_ISDIR(st.st_mode)) {
-        fprintf(stderr, "arris inspect: there is no folder '%s'; create it first\n", o.folder);
-        return USAGE;
-    }
     char **words = compose(&o, argc - optind, argv + optind, paths, recipe);
     rc = words ? launch(words) : INTERNAL;
     free(words);
