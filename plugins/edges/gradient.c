@@ -20,6 +20,7 @@
 enum {
     BITS = GRADIENT_BITS,
     VECTOR = 16,
+    LINE = 32,  /* px on a line of the cache */
     CHUNK = 64, /* px that are skipped together when none of them reaches `low` */
     MARGIN = 2  /* px beyond the Gaussian that a point's neighbourhood needs */
 };
@@ -245,15 +246,18 @@ int gradient_init(gradient *g, int width, double sigma) {
     set_taps(g, sigma);
     size_t w = ((size_t)width + 2 * CHUNK) / CHUNK * CHUNK; /* a chunk may reach beyond a row */
     int n = 2 * g->radius + 1;
-    int16_t *p = g->memory = calloc((size_t)(n + 8) * w, sizeof *p);
+    size_t size = ((size_t)(n + 8) * w + LINE) * sizeof(int16_t);
+    int16_t *p = g->memory = aligned_alloc(LINE * sizeof(int16_t), size);
     if (!p)
         return ARRIS_E_MEMORY;
+    memset(p, 0, size);
+    p += LINE; /* what is written first of a row is at the start of a line of the cache */
     for (int i = 0; i < n; i++, p += w)
         g->in[i] = p;
     for (int i = 0; i < 4; i++, p += w)
-        g->s[i] = p;
+        g->s[i] = p - g->radius;
     for (int i = 0; i < 3; i++, p += w)
-        g->m[i] = p;
+        g->m[i] = p - g->radius - 1;
     for (int i = 0; i < n; i++)
         g->column[i] = p + i;
     g->vertical = p;
