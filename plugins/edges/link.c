@@ -10,7 +10,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define DONE UINT32_MAX
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 /* Edgels: on a line of the cache, how many are asked for ahead, and how many are near anyway. */
 enum { LINE = 4, AHEAD = 16384, NEARBY = 32768 };
@@ -18,7 +20,7 @@ enum { LINE = 4, AHEAD = 16384, NEARBY = 32768 };
 /* ---- the tables ----------------------------------------------------------------------------- */
 
 /* Pixels around an edgel, 3x3 or 5x5, are numbered column by column. */
-enum { NEAR = 3, FAR = LINK_ROWS, MIDDLE = NEAR * NEAR / 2 };
+enum { NEAR = 3, FAR = 2 * LINK_REACH + 1, AROUND = NEAR * NEAR - 1 };
 
 /* How badly the step to a pixel goes on in the direction (x, y): its length, then its turn. Length
  * comes first because it is the same seen from either end, so that both ends pick each other.
@@ -29,11 +31,19 @@ static double step_cost(int pixel, int size, double x, double y, double least_co
     return along > least_cos ? 2 * d * d - along : INFINITY;
 }
 
+/* The number in the 3x3 of the k-th of the pixels around the middle one. */
+static int near_pixel(int k) {
+    return k + (k >= AROUND / 2);
+}
+
 static uint8_t best_near(double x, double y, int bits) {
-    uint8_t best = MIDDLE;
-    for (uint8_t k = 0; k < NEAR * NEAR; k++)
-        if (bits >> k & 1 && step_cost(k, NEAR, x, y, 0) < step_cost(best, NEAR, x, y, 0))
-            best = k;
+    uint8_t best = AROUND;
+    double least = INFINITY;
+    for (uint8_t k = 0; k < AROUND; k++) {
+        double cost = step_cost(near_pixel(k), NEAR, x, y, 0);
+        if (bits >> near_pixel(k) & 1 && cost < least)
+            best = k, least = cost;
+    }
     return best;
 }
 
@@ -73,19 +83,18 @@ static void set_tables(linker *l) {
 int link_init(linker *l, int width, size_t max) {
     *l = (linker){.width = ((size_t)width / 64 + 2) * 64};
     set_tables(l);
-    if (max < 2 * l->width) /* for link_row */
-        max = 2 * l->width;
-    size_t links = max * sizeof *l->to, starts = max * sizeof *l->start;
+    max += LINK_BLOCK;
     l->memory =
-        malloc(links + starts + LINK_KEPT * l->width * (sizeof **l->index + sizeof **l->set));
+        calloc(1, 3 * max * sizeof *l->next + (LINK_KEPT + 1) * l->width * sizeof **l->index);
     if (!l->memory)
         return ARRIS_E_MEMORY;
-    l->to = l->memory;
-    l->start = (uint32_t *)(l->to + max);
-    for (size_t i = 0; i < LINK_KEPT; i++) {
+    l->next = l->memory;
+    l->prev = l->next + max;
+    l->start = l->prev + max;
+    for (size_t i = 0; i < LINK_KEPT; i++)
         l->index[i] = (uint16_t *)(l->start + max) + l->width * i;
-        l->set[i] = (uint8_t *)((uint16_t *)(l->start + max) + l->width * LINK_KEPT) + l->width * i;
-    }
+    l->set = (uint8_t *)((uint16_t *)(l->start + max) + l->width * LINK_KEPT);
+    l->fresh = l->set + l->width;
     return 0;
 }
 
@@ -96,20 +105,23 @@ void link_free(linker *l) {
 
 /* ---- neighbours ----------------------------------------------------------------------------- */
 
-/* Takes up row y, and gives up the oldest one. */
-static void enter_row(linker *l, const edgels *e, int y) {
+/* Takes up row y, and gives up the oldest one. Its edgels are marked in `fresh` first, and the row
+ * is in `set` when the next one is taken up: bytes that are read as words must have been stored
+ * long before. */
+INLINE void enter_row(linker *l, const edgels *e, int y) {
     uint16_t *index = l->index[0];
-    uint8_t *set = l->set[0];
+    uint8_t *set = l->set, *fresh = l->fresh;
     const edgel *a = e->item + e->row[y];
-    for (int k = 0; k < LINK_KEPT - 1; k++) {
+    for (int k = 0; k < LINK_KEPT - 1; k++)
         l->index[k] = l->index[k + 1];
-        l->set[k] = l->set[k + 1];
-    }
     l->index[LINK_KEPT - 1] = index;
-    l->set[LINK_KEPT - 1] = memset(set, 0, l->width);
+    for (size_t x = 0, width = l->width; x < width; x++) {
+        set[x] = (uint8_t)(set[x] >> 1 | fresh[x]);
+        fresh[x] = 0;
+    }
     for (uint32_t i = 0, n = e->row[y + 1] - e->row[y]; i < n; i++) {
         index[a[i].x] = (uint16_t)i;
-        set[a[i].x] = 1;
+        fresh[a[i].x] = 1 << (LINK_KEPT - 2);
     }
 }
 
@@ -130,78 +142,194 @@ INLINE unsigned extract(uint64_t bits, uint64_t set, enum path path) {
     return found;
 }
 
-/* For edgel i of row y, the middle one, where none of the 3x3 pixels goes on. */
-INLINE uint32_t link_far_end(const linker *l, const edgels *e, uint32_t i, int y,
-                             const link_far *far, enum path path) {
+/* For edgel i of row y, the middle one, where none of the pixels around it goes on. */
+INLINE uint32_t far_end(const linker *l, const edgels *e, uint32_t i, int y, const link_far *far,
+                        enum path path) {
     edgel a = e->item[i];
-    uint64_t bits = 0;
-    for (int row = 0; row < FAR; row++) {
-        uint64_t set;
-        memcpy(&set, l->set[row] + a.x - LINK_REACH, sizeof set);
-        bits |= set << row;
-    }
+    uint64_t bits; /* little-endian, as all our targets are */
+    memcpy(&bits, l->set + a.x - LINK_REACH, sizeof bits);
     far += a.octant;
     int best = far->best[extract(bits, far->set, path)], column = best / 8, row = best % 8;
     return e->row[y + row - LINK_REACH] + l->index[row][a.x + column - LINK_REACH];
 }
 
-/* The 3x3 pixels in the columns from x on. Little-endian, as all our targets are. */
-INLINE unsigned near_bits(const uint8_t *up, const uint8_t *mid, const uint8_t *down, unsigned x,
-                          enum path path) {
-    uint32_t a, b, c;
-    memcpy(&a, up + x, sizeof a);
-    memcpy(&b, mid + x, sizeof b);
-    memcpy(&c, down + x, sizeof c);
-    a |= b << 1 | c << 2;
-    if (path == PATH_AVX2)
-        return extract(a, 0x070707, path);
-    return (a & 7) | (a >> 5 & 7 << 3) | (a >> 10 & 7 << 6);
+/* Where the k-th pixel around an edgel of row y is: the first edgel of its row, and how far its
+ * place among the indices is from that of the edgel in the first row kept. */
+typedef struct near_rows {
+    uint32_t base[AROUND];
+    int32_t leap[AROUND];
+} near_rows;
+
+static near_rows rows_near(const linker *l, const edgels *e, int y) {
+    near_rows r;
+    for (int k = 0; k < AROUND; k++) {
+        int row = near_pixel(k) % NEAR - 1, column = near_pixel(k) / NEAR - 1;
+        r.base[k] = e->row[y + row];
+        r.leap[k] = (int32_t)(l->index[LINK_REACH + row] - l->index[0]) + column;
+    }
+    return r;
 }
 
-INLINE void link_row(linker *l, const edgels *e, int y, enum path path) {
-    const uint8_t *up = l->set[1], *mid = l->set[2], *down = l->set[3];
-    uint32_t *last = l->start, *first = l->start + l->width, n_last = 0, n_first = 0;
-    uint32_t base[NEAR * NEAR];
-    const uint16_t *index[NEAR * NEAR];
-    if (e->row[y] == e->row[y + 1])
+/* Links the edgels i .. end - 1 of a row, LINK_BLOCK at most, to the best of the pixels around
+ * them. Sets the bits of those that have none. */
+typedef void near_linker(linker *l, const edgels *e, const near_rows *r, uint32_t i, uint32_t end,
+                         uint64_t *last, uint64_t *first);
+
+static uint32_t near_end(const uint16_t *index, const near_rows *r, uint8_t pixel, uint32_t self) {
+    return pixel < AROUND ? r->base[pixel] + index[r->leap[pixel]] : self;
+}
+
+static void link_near_portable(linker *l, const edgels *e, const near_rows *r, uint32_t i,
+                               uint32_t end, uint64_t *last, uint64_t *first) {
+    for (uint32_t k = 0; i < end; i++, k++) {
+        edgel a = e->item[i];
+        uint32_t set; /* little-endian, as all our targets are */
+        memcpy(&set, l->set + a.x - 1, sizeof set);
+        set = (set >> 1 & 7) | (set >> 6 & 7 << 3) | (set >> 11 & 7 << 6);
+        link_near to = l->near[a.octant][set];
+        l->next[i] = near_end(l->index[0] + a.x, r, to.next, i);
+        l->prev[i] = near_end(l->index[0] + a.x, r, to.prev, i);
+        *last |= (uint64_t)(to.next == AROUND) << k;
+        *first |= (uint64_t)(to.prev == AROUND) << k;
+    }
+}
+
+#if defined(__x86_64__)
+/* The numbers i to i + 7. */
+AVX2_PATH static inline __m256i eight_from(uint32_t i) {
+    return _mm256_add_epi32(_mm256_set1_epi32((int)i), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+}
+
+AVX2_PATH static inline __m256i masked(__m256i v, int right, int mask) {
+    return _mm256_and_si256(_mm256_srli_epi32(v, right), _mm256_set1_epi32(mask));
+}
+
+/* near_end of eight edgels in the columns x. */
+AVX2_PATH static inline __m256i near_eight(const uint16_t *index, const near_rows *r, __m256i x,
+                                           __m256i pixel, __m256i self) {
+    __m256i base = _mm256_loadu_si256((const void *)r->base);
+    __m256i leap = _mm256_loadu_si256((const void *)r->leap);
+    __m256i at = _mm256_add_epi32(x, _mm256_permutevar8x32_epi32(leap, pixel));
+    __m256i to = masked(_mm256_i32gather_epi32((const void *)index, at, 2), 0, UINT16_MAX);
+    to = _mm256_add_epi32(to, _mm256_permutevar8x32_epi32(base, pixel));
+    return _mm256_blendv_epi8(to, self, _mm256_cmpgt_epi32(pixel, _mm256_set1_epi32(AROUND - 1)));
+}
+
+/* Those of eight for which there is none. */
+AVX2_PATH static inline uint64_t none_of_eight(__m256i pixel, __m256i in) {
+    __m256i none = _mm256_cmpeq_epi32(pixel, _mm256_set1_epi32(AROUND));
+    return (uint64_t)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_and_si256(none, in)));
+}
+
+AVX2_PATH static void link_near_avx2(linker *l, const edgels *e, const near_rows *r, uint32_t i,
+                                     uint32_t end, uint64_t *last, uint64_t *first) {
+    for (int k = 0; i < end; i += 8, k += 8) {
+        __m256i self = eight_from(i), in = _mm256_cmpgt_epi32(_mm256_set1_epi32((int)end), self);
+        __m256i item = _mm256_and_si256(_mm256_loadu_si256((const void *)(e->item + i)), in);
+        __m256i x = masked(item, 0, UINT16_MAX), octant = masked(item, 16, LINK_OCTANTS - 1);
+        __m256i set = _mm256_i32gather_epi32((const void *)(l->set - 1), x, 1);
+        set =
+            _mm256_or_si256(_mm256_or_si256(masked(set, 1, 7), masked(set, 6, 7 << 3)),
+                            _mm256_or_si256(masked(set, 11, 7 << 6), _mm256_slli_epi32(octant, 9)));
+        __m256i to = _mm256_i32gather_epi32((const void *)l->near, set, sizeof **l->near);
+        __m256i next = masked(to, 0, UINT8_MAX), prev = masked(to, 8, UINT8_MAX);
+        _mm256_storeu_si256((void *)(l->next + i), near_eight(l->index[0], r, x, next, self));
+        _mm256_storeu_si256((void *)(l->prev + i), near_eight(l->index[0], r, x, prev, self));
+        *last |= none_of_eight(next, in) << k;
+        *first |= none_of_eight(prev, in) << k;
+    }
+}
+#endif
+
+INLINE void link_row(linker *l, const edgels *e, int y, near_linker *near, enum path path) {
+    uint32_t i = e->row[y], end = e->row[y + 1];
+    if (i == end)
         return;
-    for (int k = 0; k < NEAR * NEAR; k++) {
-        base[k] = e->row[y + k % NEAR - 1];
-        index[k] = l->index[LINK_REACH - 1 + k % NEAR] + k / NEAR - 1;
+    near_rows rows = rows_near(l, e, y);
+    for (; i < end; i += LINK_BLOCK) {
+        uint64_t last = 0, first = 0;
+        near(l, e, &rows, i, end - i < LINK_BLOCK ? end : i + LINK_BLOCK, &last, &first);
+        for (; last; last &= last - 1) {
+            uint32_t k = i + (uint32_t)__builtin_ctzll(last);
+            l->next[k] = far_end(l, e, k, y, l->next_far, path);
+        }
+        for (; first; first &= first - 1) {
+            uint32_t k = i + (uint32_t)__builtin_ctzll(first);
+            l->prev[k] = far_end(l, e, k, y, l->prev_far, path);
+        }
     }
-    for (uint32_t i = e->row[y], n = e->row[y + 1]; i < n; i++) {
-        unsigned x = e->item[i].x;
-        link_near to = l->near[e->item[i].octant][near_bits(up, mid, down, x - 1, path)];
-        l->to[i].next = base[to.next] + index[to.next][x];
-        l->to[i].prev = base[to.prev] + index[to.prev][x];
-        last[n_last] = i;
-        n_last += to.next == MIDDLE;
-        first[n_first] = i;
-        n_first += to.prev == MIDDLE;
-    }
-    for (uint32_t k = 0; k < n_last; k++)
-        l->to[last[k]].next = link_far_end(l, e, last[k], y, l->next_far, path);
-    for (uint32_t k = 0; k < n_first; k++)
-        l->to[first[k]].prev = link_far_end(l, e, first[k], y, l->prev_far, path);
 }
 
-/* A row is taken up one before its bytes are read, so that they are sure to be stored by then. */
-INLINE void link_rows(linker *l, const edgels *e, int height, enum path path) {
-    for (int k = 0; k < LINK_KEPT; k++)
-        memset(l->set[k], 0, l->width);
+/* Keeps those links that both ends want. Returns which of the edgels from i on begin a chain. */
+typedef uint64_t joiner(linker *l, uint32_t i);
+
+static uint64_t join_portable(linker *l, uint32_t i) {
+    uint64_t starts = 0;
+    for (uint32_t k = 0; k < LINK_BLOCK; k++, i++) {
+        uint32_t next = l->next[i], prev = l->prev[i];
+        starts |= (uint64_t)((prev == i) | (l->next[prev] != i)) << k;
+        l->next[i] = l->prev[next] == i ? next : i;
+    }
+    return starts;
+}
+
+#if defined(__x86_64__)
+AVX2_PATH static uint64_t join_avx2(linker *l, uint32_t i) {
+    uint64_t starts = 0;
+    for (uint32_t k = 0; k < LINK_BLOCK; k += 8, i += 8) {
+        __m256i self = eight_from(i);
+        __m256i next = _mm256_loadu_si256((const void *)(l->next + i));
+        __m256i prev = _mm256_loadu_si256((const void *)(l->prev + i));
+        __m256i forth = _mm256_i32gather_epi32((const void *)l->next, prev, 4);
+        __m256i back = _mm256_i32gather_epi32((const void *)l->prev, next, 4);
+        __m256i goes_on =
+            _mm256_andnot_si256(_mm256_cmpeq_epi32(prev, self), _mm256_cmpeq_epi32(forth, self));
+        next = _mm256_blendv_epi8(self, next, _mm256_cmpeq_epi32(back, self));
+        _mm256_storeu_si256((void *)(l->next + i), next);
+        starts |= (uint64_t)(uint8_t)~_mm256_movemask_ps(_mm256_castsi256_ps(goes_on)) << k;
+    }
+    return starts;
+}
+#endif
+
+/* Joins what goes on to each other, and lists where chains begin. */
+INLINE void join_all(linker *l, uint32_t n, joiner *join) {
+    l->n_starts = 0;
+    for (uint32_t i = n; i % LINK_BLOCK; i++)
+        l->next[i] = l->prev[i] = i;
+    for (uint32_t i = 0; i < n; i += LINK_BLOCK) {
+        uint64_t starts = join(l, i);
+        if (n - i < LINK_BLOCK)
+            starts &= (UINT64_C(1) << (n - i)) - 1;
+        for (; starts; starts &= starts - 1)
+            l->start[l->n_starts++] = i + (uint32_t)__builtin_ctzll(starts);
+    }
+}
+
+/* The last rows of a picture have no edgels. */
+INLINE void link_all(linker *l, const edgels *e, int height, near_linker *near, joiner *join,
+                     enum path path) {
+    const int behind = LINK_KEPT - LINK_REACH - 1;
+    memset(l->set, 0, l->width);
+    memset(l->fresh, 0, l->width);
     for (int y = 0; y < height; y++) {
         enter_row(l, e, y);
-        if (y >= LINK_KEPT - LINK_REACH - 1)
-            link_row(l, e, y - (LINK_KEPT - LINK_REACH - 1), path);
+        if (y >= behind)
+            link_row(l, e, y - behind, near, path);
     }
+    join_all(l, e->n, join);
 }
 
 static void link_portable(linker *l, const edgels *e, int height) {
-    link_rows(l, e, height, PATH_VECTOR);
+    link_all(l, e, height, link_near_portable, join_portable, PATH_VECTOR);
 }
 
 AVX2_PATH static void link_avx2(linker *l, const edgels *e, int height) {
-    link_rows(l, e, height, PATH_AVX2);
+#if defined(__x86_64__)
+    link_all(l, e, height, link_near_avx2, join_avx2, PATH_AVX2);
+#else
+    link_portable(l, e, height);
+#endif
 }
 
 void link_edgels(linker *l, const edgels *e, int height, enum path path) {
@@ -210,33 +338,21 @@ void link_edgels(linker *l, const edgels *e, int height, enum path path) {
 
 /* ---- chains --------------------------------------------------------------------------------- */
 
-/* Lists the edgels that no other goes on to. */
-static uint32_t find_starts(linker *l, uint32_t n) {
-    uint32_t found = 0;
-    for (uint32_t i = 0; i < n; i++) {
-        uint32_t prev = l->to[i].prev;
-        l->start[found] = i;
-        found += (prev == i) | (l->to[prev].next != i);
-    }
-    return found;
-}
-
-/* Walks one chain from edgel i on, and uses it up. Returns how many edgels it has. */
-static uint32_t walk(linker *l, const edgels *e, uint32_t i, bool closed, float high2,
+/* Walks one chain from edgel `first` on, and uses it up. Returns how many edgels it has. */
+static uint32_t walk(linker *l, const edgels *e, uint32_t first, bool closed, float high2,
                      uint32_t min_length, arris_edges *out) {
     arris_edge_point *point = out->point + out->n;
-    uint32_t room = out->max - out->n, n = 0;
+    uint32_t room = out->max - out->n, n = 0, i = first, next;
     float most = 0;
-    for (bool more = true; more; n++) {
+    for (bool more = true; more; n++, i = next) {
         arris_edge_point p = e->point[i];
-        uint32_t next = l->to[i].next;
         float g2 = p.gx * p.gx + p.gy * p.gy;
         most = g2 > most ? g2 : most;
         if (n < room)
             point[n] = p;
-        l->to[i].prev = DONE;
-        more = l->to[next].prev == i; /* not so when next is i itself */
-        i = next;
+        next = l->next[i];
+        l->next[i] = i;
+        more = next != i && next != first;
     }
     if (most < high2 || n < min_length)
         return n;
@@ -258,17 +374,17 @@ static void prepare(const linker *l, const edgels *e, uint32_t i, uint32_t *read
     uint32_t end = i + AHEAD < e->n ? i + AHEAD : e->n;
     for (; *ready < end; *ready += LINE) {
         __builtin_prefetch(&e->point[*ready]);
-        __builtin_prefetch(&l->to[*ready]);
+        __builtin_prefetch(&l->next[*ready]);
     }
 }
 
 void link_chains(linker *l, const edgels *e, float high, uint32_t min_length, arris_edges *out) {
-    uint32_t n = find_starts(l, e->n), left = e->n, ready = e->n > NEARBY ? 0 : e->n;
-    for (uint32_t i = 0; i < n; i++) {
-        prepare(l, e, l->start[i], &ready);
-        left -= walk(l, e, l->start[i], false, high * high, min_length, out);
+    uint32_t left = e->n, ready = e->n > NEARBY ? 0 : e->n;
+    for (uint32_t k = 0; k < l->n_starts; k++) {
+        prepare(l, e, l->start[k], &ready);
+        left -= walk(l, e, l->start[k], false, high * high, min_length, out);
     }
     for (uint32_t i = 0; left > 0; i++)
-        if (l->to[i].prev != DONE)
+        if (l->next[i] != i)
             left -= walk(l, e, i, true, high * high, min_length, out);
 }
