@@ -12,9 +12,6 @@
 #include <immintrin.h>
 #endif
 
-#define PULL 0.03     /* px by which a neighbour 3 px away moves an edge, about */
-#define PULL_FALL 2.2 /* px⁻¹ by which that falls */
-
 enum { PROBES = 4, BLOCK_LINES = 16, BLOCK_PIXELS = 32 };
 
 int rows_init(rows *r, int width, int height) {
@@ -29,8 +26,6 @@ int rows_init(rows *r, int width, int height) {
     r->shift = p += n;
     r->answers = p += n;
     r->offset = p + LANES * n;
-    for (int i = 0; i < ROWS_PULLS; i++)
-        r->pulls[i] = (float)(PULL * exp(-PULL_FALL * (i / 2. - 3)));
     return 0;
 }
 

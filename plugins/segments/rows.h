@@ -36,14 +36,11 @@ typedef struct row_sums {
     four total;                        /* of the filters' parts: STEP_SUM and so on */
 } row_sums;
 
-enum { ROWS_PULLS = 2 * (CROWD_REACH + 1) + 1 };
-
 typedef struct rows {
     const step_table *steps;
     const crowd *crowd;
     const arris_image *image;
     const arris_camera *lens; /* NULL: the line's coordinates are the picture's */
-    float pulls[ROWS_PULLS];  /* px by which another edge moves this one, by half px between them */
     bool portable;            /* without what only some machines have; the same bits */
     uint32_t n, max;
     float pull;    /* sum of the px by which other edges may move the step */

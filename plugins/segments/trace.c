@@ -7,21 +7,22 @@
 #include <math.h>
 #include <string.h>
 
-#define CLEAR 2.5    /* a neighbour's step is over at this many of its blurs */
-#define CORNER 3.15f /* blurs along the line that a row keeps from an end of the edge, */
-#define LOST 2.35f   /* and from where `edges` loses it, which is inside */
-#define BLOCK 32.0   /* px over which a bent line is a parabola, to 0.001 px */
+#define CLEAR 2.5       /* a neighbour's step is over at this many of its blurs */
+#define CORNER 3.15f    /* blurs along the line that a row keeps from an end of the edge, */
+#define LOST 2.35f      /* and from where `edges` loses it, which is inside */
+#define PULL_NONE 4.46f /* log2 of the px by which a neighbour 0 px away would move an edge */
+#define PULL_FALL 3.17f /* px⁻¹ by which that falls */
+#define BLOCK 32.0      /* px over which a bent line is a parabola, to 0.001 px */
 
 /* A point of the line in the picture: v is the number of the row, u the place in it. */
 typedef struct node {
     double u, v, t;
 } node;
 
-/* A point `t` along the line and `d` to its right. */
+/* A point `t` along the line and `d` to its right, through the lens. */
 static node node_at(const rows *r, const row_line *l, double t, double d) {
     double x = l->x + t * l->dx - d * l->dy, y = l->y + t * l->dy + d * l->dx;
-    if (r->lens)
-        arris_distort(r->lens, x, y, &x, &y);
+    arris_distort(r->lens, x, y, &x, &y);
     return r->columns ? (node){y, x, t} : (node){x, y, t};
 }
 
@@ -59,30 +60,53 @@ static double across_at(const rows *r, const row_line *l, const node *a, double 
     return 1 / (b.u - a->u - (b.v - a->v) * slope);
 }
 
+/* The rows between two places. False when there are none in the picture. */
+static bool stretch_bound(const rows *r, double from, double to, stretch *s) {
+    int lines = r->columns ? r->image->width : r->image->height;
+    s->first = from > 0 ? (int)ceil(from) : 0;
+    s->end = to < lines ? (int)ceil(to) : lines;
+    return from < lines && to > -1;
+}
+
+/* Without a lens, all follows from the line's direction. */
+static bool stretch_straight(const rows *r, const row_line *l, double t0, double t1, stretch *s) {
+    double u = r->columns ? l->y : l->x, v = r->columns ? l->x : l->y;
+    double du = r->columns ? l->dy : l->dx, dv = r->columns ? l->dx : l->dy, per_row = 1 / dv;
+    if (!stretch_bound(r, v + (dv > 0 ? t0 : t1) * dv, v + (dv > 0 ? t1 : t0) * dv, s))
+        return false;
+    double t = (s->first - v) * per_row;
+    s->u = (course){u + t * du, du * per_row, 0};
+    s->t = (course){t - l->length / 2, per_row, 0};
+    s->across = (course){r->columns ? dv : -dv, 0, 0};
+    s->per_along = (float)(1 / fmax(fabs(du), 1e-3));
+    return true;
+}
+
 /* From t0 to t1. False when the line does not go through the rows one by one. */
-static bool stretch_make(const rows *r, const row_line *l, double t0, double t1, stretch *s) {
+static bool stretch_bent(const rows *r, const row_line *l, double t0, double t1, stretch *s) {
     node a = node_at(r, l, t0, 0), m = node_at(r, l, (t0 + t1) / 2, 0), b = node_at(r, l, t1, 0);
     if (a.v > b.v) {
         node swap = a;
         a = b, b = swap;
     }
-    int lines = r->columns ? r->image->width : r->image->height;
-    if (!(m.v > a.v && b.v > m.v && a.v < lines && b.v > -1))
+    if (!(m.v > a.v && b.v > m.v) || !stretch_bound(r, a.v, b.v, s))
         return false;
     places at = {{a.v, m.v, b.v}, 1 / (m.v - a.v), 1 / (b.v - m.v), 1 / (b.v - a.v)};
     double middle = l->length / 2, slope = (b.u - a.u) * at.per02, first, last;
-    s->first = a.v > 0 ? (int)ceil(a.v) : 0;
-    s->end = b.v < lines ? (int)ceil(b.v) : lines;
     s->u = through(&at, a.u, m.u, b.u, s->first);
     s->t = through(&at, a.t - middle, m.t - middle, b.t - middle, s->first);
     first = across_at(r, l, &a, slope - s->u.bend / 2 * (b.v - a.v));
     last = across_at(r, l, &b, slope + s->u.bend / 2 * (b.v - a.v));
     s->across = through(&at, first, (first + last) / 2, last, s->first);
     s->per_along = (float)(sqrt(1 + slope * slope) / fmax(fabs(slope), 1e-3));
-    s->to_end = (float)middle - r->end;
+    return true;
+}
+
+static bool stretch_make(const rows *r, const row_line *l, double t0, double t1, stretch *s) {
+    s->to_end = (float)(l->length / 2) - r->end;
     s->clear = r->clear;
     s->own = s->clear < 4 ? 2 : s->clear < 10 ? s->clear / 2 : 5;
-    return true;
+    return (r->lens ? stretch_bent : stretch_straight)(r, l, t0, t1, s);
 }
 
 /* Where the line is in eight rows. */
@@ -163,10 +187,12 @@ INLINE void fit_in(const rows *r, const stretch *s, int left, int width, eight_r
     e->filter = (half - STEP_MIN) * STEP_PHASES + STEP_PHASES - 1 - cell;
     e->kept =
         (half >= STEP_MIN) & (row < left) & (before < width - 1) & ((before > 0) | (part > 0));
-    eight_ints pulls =
+    /* whole halves of a px, as a neighbour may be a little nearer; a float's bits are nearly its
+     * binary logarithm */
+    eight_ints halves =
         __builtin_convertvector(__builtin_convertvector(near, eight) * (2 / r->slant), eight_ints);
-    for (int k = 0; k < LANES; k++)
-        (*pull)[k] = r->pulls[pulls[k]];
+    eight power = PULL_NONE - __builtin_convertvector(halves, eight) * (PULL_FALL / 2);
+    *pull = (eight) __builtin_convertvector((power + 127) * (1 << 23), eight_ints);
 }
 
 /* Appends those of the eight that have room; mostly that is all of them. */
@@ -181,11 +207,16 @@ INLINE void keep(rows *r, const eight_rows *e) {
     memcpy(t, &e->t, sizeof e->t);
     memcpy(across, &e->across, sizeof e->across);
     memcpy(shift, &e->shift, sizeof e->shift);
-    if (eight_all(&e->kept)) {
-        r->n += LANES;
+    int n = 0;
+    for (int k = 0; k < LANES; k++)
+        n -= e->kept[k];
+    eight_ints first = (eight_ints){0, 1, 2, 3, 4, 5, 6, 7} < n;
+    first = first == e->kept;
+    if (eight_all(&first)) { /* none is left out between them */
+        r->n += (uint32_t)n;
         return;
     }
-    int n = 0;
+    n = 0;
     for (int k = 0; k < LANES; k++) {
         place[n] = place[k];
         t[n] = t[k], across[n] = across[k], shift[n] = shift[k];
@@ -242,11 +273,15 @@ AVX2_PATH static void place_avx2(rows *r, const stretch *s) {
 
 /* Whether rows or columns cut the line, and how slantwise. */
 static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
-    r->columns = false;
-    node a = node_at(r, l, t0, 0), b = node_at(r, l, t1, 0);
-    double along = fabs(b.v - a.v), across = fabs(b.u - a.u);
-    r->columns = across > along;
-    double slope = r->columns ? along / across : across / along;
+    double x = fabs(l->dx), y = fabs(l->dy), slope;
+    if (r->lens) {
+        double ax, ay, bx, by;
+        arris_distort(r->lens, l->x + t0 * l->dx, l->y + t0 * l->dy, &ax, &ay);
+        arris_distort(r->lens, l->x + t1 * l->dx, l->y + t1 * l->dy, &bx, &by);
+        x = fabs(bx - ax), y = fabs(by - ay);
+    }
+    r->columns = x > y;
+    slope = r->columns ? y / x : x / y;
     r->slant = slope < 1 ? (float)sqrt(1 + slope * slope) : (float)M_SQRT2;
 }
 
