@@ -327,7 +327,7 @@ static void direction_is_updated(void **state) {
         chain_begin(&e);
         walk(&e, x, y, x + l * cos(a), y + l * sin(a), 1, 0, NULL);
         x += l * cos(a), y += l * sin(a);
-        p[k] = piece_make(e.point + e.chain[k].first, e.chain[k].n, (uint32_t)k, false);
+        piece_make(&p[k], e.point + e.chain[k].first, e.chain[k].n, (uint32_t)k, false);
     }
     piece_rule rule = {sin(0.05), 2, INFINITY};
     piece_merge(p, 3, &rule, heads, nodes);

@@ -67,14 +67,13 @@ AVX2_PATH static void add_up_avx2(piece *s, const arris_edge_point *p, uint32_t 
     add_up(s, p, n);
 }
 
-piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw) {
+void piece_make(piece *s, const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw) {
     const arris_edge_point *q = &p[n - 1];
     uint32_t skip = raw || n < 4 * ROUND ? 0 : ROUND;
-    piece s = {.chain = chain, .points = n, .raw = raw, .n = n - 2 * skip};
-    s.x1 = p->x, s.y1 = p->y, s.x2 = q->x, s.y2 = q->y;
-    (HAS_AVX2 ? add_up_avx2 : add_up_portable)(&s, p + skip, n - 2 * skip);
-    (raw ? chord : fit)(&s);
-    return s;
+    s->chain = chain, s->points = n, s->raw = raw, s->gone = false;
+    s->x1 = p->x, s->y1 = p->y, s->x2 = q->x, s->y2 = q->y;
+    s->n = n - 2 * skip;
+    (HAS_AVX2 ? add_up_avx2 : add_up_portable)(s, p + skip, n - 2 * skip);
 }
 
 /* Variance of the points along the unit vector (u, v) about their mean. */
@@ -126,21 +125,16 @@ static bool continues(const piece *a, const piece *b, const piece_rule *rule, do
 }
 
 /* A strict order of pairs that depends on their geometry only. */
-static bool better(const piece_pair *p, const piece_pair *q) {
-    if (p->cost != q->cost || !p->first || !q->first)
+static bool better(const piece *of, const piece_pair *p, const piece_pair *q) {
+    if (p->cost != q->cost || p->first < 0 || q->first < 0)
         return p->cost < q->cost;
-    const piece *a = p->first, *b = p->second, *c = q->first, *d = q->second;
+    const piece *a = &of[p->first], *b = &of[p->second], *c = &of[q->first], *d = &of[q->second];
     double u[] = {a->x2, a->y2, b->x1, b->y1, a->x1, a->y1, b->x2, b->y2};
     double v[] = {c->x2, c->y2, d->x1, d->y1, c->x1, c->y1, d->x2, d->y2};
     for (int i = 0; i < 8; i++)
         if (u[i] != v[i])
             return u[i] < v[i];
     return false;
-}
-
-static void offer(piece *p, const piece_pair *pair) {
-    if (better(pair, &p->best))
-        p->best = *pair;
 }
 
 /* ---- starts of pieces by place -------------------------------------------------------------- */
@@ -160,87 +154,101 @@ static int32_t *grid_head(const grid *g, uint32_t col, uint32_t row) {
     return &g->heads[(col * 0x9E3779B1u ^ row * 0x85EBCA77u) >> 16 & g->mask];
 }
 
-/* Whether the pairs that piece i begins may be others than in the round before: it was one of a
- * pair, or what its end is near to has been joined. */
-static bool may_differ(const grid *g, const piece *p, uint32_t i, int round) {
-    int32_t near = g->nodes[i].near;
-    return round == 0 || p[i].best.first || near == SEVERAL || g->nodes[i].joined == round ||
-           (near >= 0 && g->nodes[near].joined == round);
+/* What is new of a piece. */
+static void set_node(piece_node *b, const piece *p, int round) {
+    b->x1 = (float)p->x1, b->y1 = (float)p->y1, b->x2 = (float)p->x2, b->y2 = (float)p->y2;
+    b->dx = (float)p->dx, b->dy = (float)p->dy;
+    b->joined = round;
 }
 
-static void grid_fill(grid *g, piece *p, uint32_t n, int round) {
+/* Whether the pairs that a piece begins may be others than in the round before: it was one of a
+ * pair, or what its end is near to has been joined. */
+static bool may_differ(const grid *g, const piece_node *b, int round) {
+    return round == 0 || b->best.first >= 0 || b->near == SEVERAL || b->joined == round ||
+           (b->near >= 0 && g->nodes[b->near].joined == round);
+}
+
+static void grid_fill(grid *g, uint32_t n, int round) {
     memset(g->heads, 0xFF, (g->mask + 1) * sizeof *g->heads); /* -1: none */
     for (uint32_t i = 0; i < n; i++) {
-        const piece *q = &p[i];
-        if (q->gone)
-            continue;
-        int32_t *head = grid_head(g, grid_cell(g, q->x1), grid_cell(g, q->y1));
         piece_node *b = &g->nodes[i];
-        b->x = (float)q->x1, b->y = (float)q->y1, b->dx = (float)q->dx, b->dy = (float)q->dy;
+        if (b->gone)
+            continue;
+        int32_t *head = grid_head(g, grid_cell(g, (double)b->x1), grid_cell(g, (double)b->y1));
         b->next = *head;
-        b->search = may_differ(g, p, i, round);
+        b->search = may_differ(g, b, round);
+        b->best = (piece_pair){INFINITY, NONE, NONE};
         *head = (int32_t)i;
-        p[i].best = (piece_pair){.cost = INFINITY};
     }
+}
+
+static void offer(const grid *g, const piece *p, int32_t i, const piece_pair *pair) {
+    if (better(p, pair, &g->nodes[i].best))
+        g->nodes[i].best = *pair;
 }
 
 /* Offers each pair that a begins, and whose second start is in a list, to both of its pieces. What
  * is far from the rule is left out in single precision. */
-static void find_in(const grid *g, int32_t head, piece *p, piece *a, int32_t *near,
+static void find_in(const grid *g, int32_t head, const piece *p, piece_node *a,
                     const piece_rule *rule) {
-    float x = (float)a->x2, y = (float)a->y2, dx = (float)a->dx, dy = (float)a->dy;
     float far = (float)(1.01 * rule->linkrad + 0.01), sine = (float)(1.01 * rule->sine + 1e-4);
+    int32_t i = (int32_t)(a - g->nodes);
     for (const piece_node *b; head >= 0; head = b->next) {
         b = &g->nodes[head];
-        if ((fabsf(b->x - x) > far) | (fabsf(b->y - y) > far) | (&p[head] == a))
+        if ((fabsf(b->x1 - a->x2) > far) | (fabsf(b->y1 - a->y2) > far) | (b == a))
             continue;
-        *near = *near == NONE || *near == head ? head : SEVERAL;
-        piece_pair pair = {0, a, &p[head]};
-        if (fabsf(dx * b->dy - dy * b->dx) > sine || !continues(a, pair.second, rule, &pair.cost))
+        a->near = a->near == NONE || a->near == head ? head : SEVERAL;
+        piece_pair pair = {0, i, head};
+        if (fabsf(a->dx * b->dy - a->dy * b->dx) > sine ||
+            !continues(&p[i], &p[head], rule, &pair.cost))
             continue;
-        offer(a, &pair);
-        offer(pair.second, &pair);
+        offer(g, p, i, &pair);
+        offer(g, p, head, &pair);
     }
 }
 
-static void find_pairs(const grid *g, piece *p, piece *a, const piece_rule *rule) {
-    uint32_t left = grid_cell(g, a->x2 - rule->linkrad),
-             right = grid_cell(g, a->x2 + rule->linkrad);
-    uint32_t top = grid_cell(g, a->y2 - rule->linkrad),
-             bottom = grid_cell(g, a->y2 + rule->linkrad);
-    int32_t *near = &g->nodes[a - p].near;
-    *near = NONE;
+static void find_pairs(const grid *g, const piece *p, piece_node *a, const piece_rule *rule) {
+    double x = (double)a->x2, y = (double)a->y2, far = 1.01 * rule->linkrad + 0.01;
+    uint32_t left = grid_cell(g, x - far), right = grid_cell(g, x + far);
+    uint32_t top = grid_cell(g, y - far), bottom = grid_cell(g, y + far);
+    a->near = NONE;
     for (uint32_t col = left; col <= right; col++)
         for (uint32_t row = top; row <= bottom; row++)
-            find_in(g, *grid_head(g, col, row), p, a, near, rule);
+            find_in(g, *grid_head(g, col, row), p, a, rule);
 }
 
 /* Joins the pairs that are the best of both their pieces. */
 static bool join_best(const grid *g, piece *p, uint32_t n, int round) {
     bool any = false;
     for (uint32_t i = 0; i < n; i++) {
-        piece *b = p[i].best.second;
-        if (p[i].gone || p[i].best.first != &p[i] || b->best.first != &p[i] || b->best.second != b)
+        piece_node *a = &g->nodes[i];
+        if (a->gone || a->best.first != (int32_t)i)
             continue;
-        p[i] = join(&p[i], b);
-        g->nodes[i].joined = round + 1;
-        b->gone = any = true;
+        piece_node *b = &g->nodes[a->best.second];
+        if (b->best.first != (int32_t)i || b->best.second != a->best.second)
+            continue;
+        p[i] = join(&p[i], &p[a->best.second]);
+        set_node(a, &p[i], round + 1);
+        p[a->best.second].gone = b->gone = any = true;
     }
     return any;
 }
 
 void piece_merge(piece *p, uint32_t n, const piece_rule *rule, int32_t *heads, piece_node *nodes) {
-    grid g = {1 / fmax(16, 2 * rule->linkrad), 63, heads, nodes};
+    grid g = {1 / fmax(16, 3 * rule->linkrad), 63, heads, nodes};
     while (g.mask + 1 < PIECE_HEADS && g.mask < n)
         g.mask = 2 * g.mask + 1;
+    for (uint32_t i = 0; i < n; i++) {
+        (p[i].raw ? chord : fit)(&p[i]);
+        set_node(&nodes[i], &p[i], 0);
+        nodes[i].gone = p[i].gone;
+    }
     bool more = true;
-    for (uint32_t i = 0; i < n; i++)
-        nodes[i].joined = 0;
     for (int round = 0; more && round < MAX_ROUNDS; round++) {
-        grid_fill(&g, p, n, round);
+        grid_fill(&g, n, round);
         for (uint32_t i = 0; i < n; i++)
-            if (!p[i].gone && nodes[i].search)
-                find_pairs(&g, p, &p[i], rule);
+            if (!nodes[i].gone && nodes[i].search)
+                find_pairs(&g, p, &nodes[i], rule);
         more = join_best(&g, p, n, round);
     }
 }

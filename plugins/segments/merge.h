@@ -7,16 +7,8 @@
 
 #include "arris_types.h"
 
-typedef struct piece piece;
-
-/* Two pieces of which the second begins where the first ends; the less `cost` the better. */
-typedef struct piece_pair {
-    double cost;
-    piece *first, *second;
-} piece_pair;
-
 /* A run of edge points near a line, brighter side on the right. */
-struct piece {
+typedef struct piece {
     double x1, y1, x2, y2;      /* the ends, px */
     double dx, dy;              /* unit direction from the first end to the second */
     double n, x, y, xx, xy, yy; /* sums over the points */
@@ -24,12 +16,11 @@ struct piece {
     uint32_t chain, points;     /* the chain that most points are from, and how many those are */
     bool raw;                   /* the ends are points of chains, not their feet on the line */
     bool gone;                  /* it became part of another */
-    piece_pair best;            /* for piece_merge */
-};
+} piece;
 
-/* The piece of n >= 2 points. The line is fitted by total least squares, without the points at the
- * ends that a corner may have rounded; `raw`: it is that through the first and the last point. */
-piece piece_make(const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw);
+/* The piece of n >= 2 points, without those at the ends that a corner may have rounded, unless it
+ * is `raw`. It has no direction yet. */
+void piece_make(piece *s, const arris_edge_point *p, uint32_t n, uint32_t chain, bool raw);
 
 /* The points' mean squared distance from the piece's line, and their variance along it, px². */
 double piece_scatter(const piece *p);
@@ -41,21 +32,32 @@ typedef struct piece_rule {
     double tol;     /* px, of all four ends from the line of the joined piece; may be INFINITY */
 } piece_rule;
 
-/* Where a piece starts, in a list of those nearby; and what was found at its end. */
+/* Two pieces of which the second begins where the first ends; the less `cost` the better. A
+ * negative number: none. */
+typedef struct piece_pair {
+    double cost;
+    int32_t first, second;
+} piece_pair;
+
+/* What the search needs of a piece, in a list of those that start nearby; and what was found at its
+ * end. */
 typedef struct piece_node {
-    float x, y, dx, dy;
+    float x1, y1, x2, y2, dx, dy;
     int32_t next;
     int32_t near;   /* the piece that starts there; negative: none, or several */
     int32_t joined; /* the round after which it was made, from 1 on */
     bool search;    /* what continues it is to be looked for in this round */
+    bool gone;
+    piece_pair best;
 } piece_node;
 
-enum { PIECE_HEADS = 4096 };
+enum { PIECE_HEADS = 16384 };
 
-/* Joins pieces by the rule (Kovesi's mergeseg, for pieces whose brighter sides agree). The pair
- * that fits best goes first and directions are updated after each join, so that the order of the
- * pieces has no influence. A joined piece is `gone`. `heads` is scratch for PIECE_HEADS and `nodes`
- * for n. */
+/* Fits the lines of new pieces: by total least squares, or through the first and the last point
+ * when they are raw. Then joins pieces by the rule (Kovesi's mergeseg, for pieces whose brighter
+ * sides agree). The pair that fits best goes first and directions are updated after each join, so
+ * that the order of the pieces has no influence. A joined piece is `gone`. `heads` is scratch for
+ * PIECE_HEADS and `nodes` for n. */
 void piece_merge(piece *p, uint32_t n, const piece_rule *rule, int32_t *heads, piece_node *nodes);
 
 #endif

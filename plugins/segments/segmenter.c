@@ -109,7 +109,7 @@ static void add_chain(segmenter *s, const arris_edge_point *p, uint32_t n, uint3
             s->lost++;
             continue;
         }
-        *q = piece_make(p + a, b - a + 1, chain, raw);
+        piece_make(q, p + a, b - a + 1, chain, raw);
         s->n += fabs(q->x1) < FAR && fabs(q->y1) < FAR && fabs(q->x2) < FAR && fabs(q->y2) < FAR &&
                 isfinite(q->xx + q->yy + q->gx + q->gy);
     }
