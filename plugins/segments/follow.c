@@ -75,7 +75,7 @@ void follow(follower *f, const arris_guide *guide, const arris_image *image,
 }
 
 bool follow_has(const arris_segments *found, double x1, double y1, double x2, double y2) {
-    double length = hypot(x2 - x1, y2 - y1);
+    double length = sqrt((x2 - x1) * (x2 - x1) + (y2 - y1) * (y2 - y1));
     for (uint32_t i = 0; i < found->n && found->item[i].chain == UINT32_MAX; i++) {
         const arris_segment *s = &found->item[i];
         double dx = s->x2 - s->x1, dy = s->y2 - s->y1, d = hypot(dx, dy);

@@ -58,15 +58,19 @@ typedef struct block {
     uint8_t column[BLOCK_LINES][BLOCK_PIXELS];
 } block;
 
-/* Transposes 16x16 bytes: four times, the two halves are shuffled into each other. */
-INLINE void transpose(bytes *v) {
+typedef uint8_t two_rows __attribute__((vector_size(32), aligned(16)));
+
+/* Transposes two times 16x16 bytes: four times, the two halves are shuffled into each other. */
+INLINE void transpose(two_rows *v) {
     for (int round = 0; round < 4; round++) {
-        bytes t[16];
+        two_rows t[16];
         for (int k = 0; k < 8; k++) {
-            t[2 * k] = __builtin_shufflevector(v[k], v[k + 8], 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5,
-                                               21, 6, 22, 7, 23);
-            t[2 * k + 1] = __builtin_shufflevector(v[k], v[k + 8], 8, 24, 9, 25, 10, 26, 11, 27, 12,
-                                                   28, 13, 29, 14, 30, 15, 31);
+            t[2 * k] = __builtin_shufflevector(v[k], v[k + 8], 0, 32, 1, 33, 2, 34, 3, 35, 4, 36, 5,
+                                               37, 6, 38, 7, 39, 16, 48, 17, 49, 18, 50, 19, 51, 20,
+                                               52, 21, 53, 22, 54, 23, 55);
+            t[2 * k + 1] = __builtin_shufflevector(v[k], v[k + 8], 8, 40, 9, 41, 10, 42, 11, 43, 12,
+                                                   44, 13, 45, 14, 46, 15, 47, 24, 56, 25, 57, 26,
+                                                   58, 27, 59, 28, 60, 29, 61, 30, 62, 31, 63);
         }
         memcpy(v, t, sizeof t);
     }
@@ -79,21 +83,33 @@ static bool block_has(const block *b, const row_place *q) {
 
 /* Takes in the columns from that of `q` on, and the pixels that a line needs which goes on to
  * greater places in them when `rising`. The picture is at least as large as a block. */
-__attribute__((noinline)) static void block_load(block *b, const arris_image *im,
-                                                 const row_place *q, bool rising) {
+typedef void loader(block *b, const arris_image *im, const row_place *q, bool rising);
+
+INLINE void block_load(block *b, const arris_image *im, const row_place *q, bool rising) {
     int at = rising ? q->at - STEP_HALF - 1 : q->at + STEP_HALF + 1 - BLOCK_PIXELS;
     int last = im->width - BLOCK_LINES, end = im->height - BLOCK_PIXELS;
     b->line = q->line < last ? q->line : last;
     b->at = at < 0 ? 0 : at < end ? at : end;
-    for (int k = 0; k < BLOCK_PIXELS; k += 16) {
-        const uint8_t *p = im->data + (b->at + k) * im->stride + b->line;
-        bytes v[16];
-        for (int i = 0; i < 16; i++)
-            memcpy(&v[i], p + i * im->stride, sizeof v[i]);
-        transpose(v);
-        for (int i = 0; i < BLOCK_LINES; i++)
-            memcpy(b->column[i] + k, &v[i], sizeof v[i]);
+    const uint8_t *p = im->data + b->at * im->stride + b->line;
+    two_rows v[BLOCK_LINES];
+    for (int i = 0; i < BLOCK_LINES; i++, p += im->stride) {
+        bytes half[2];
+        memcpy(&half[0], p, sizeof half[0]);
+        memcpy(&half[1], p + BLOCK_LINES * im->stride, sizeof half[1]);
+        memcpy(&v[i], half, sizeof half);
     }
+    transpose(v);
+    memcpy(b->column, v, sizeof v);
+}
+
+__attribute__((noinline)) static void load_portable(block *b, const arris_image *im,
+                                                    const row_place *q, bool rising) {
+    block_load(b, im, q, rising);
+}
+
+__attribute__((noinline)) AVX2_PATH static void load_avx2(block *b, const arris_image *im,
+                                                          const row_place *q, bool rising) {
+    block_load(b, im, q, rising);
 }
 
 /* The last pixel whose sixteen can be read at once, the first being STEP_HALF; -1: there are none.
@@ -107,7 +123,7 @@ static int last_whole(const rows *r) {
 
 /* The pixels of a row as differences from the base; those that are not within its half are 0. */
 INLINE void fetch(const rows *r, const row_place *q, int last, int base, int shift, block *b,
-                  int16_t *px) {
+                  loader *load, int16_t *px) {
     const arris_image *im = r->image;
     const int16_t *inside = r->steps->inside[q->half - STEP_MIN];
     const uint8_t *p;
@@ -117,7 +133,7 @@ INLINE void fetch(const rows *r, const row_place *q, int last, int base, int shi
     }
     if (r->columns) {
         if (!block_has(b, q))
-            block_load(b, im, q, r->place[r->n - 1].at >= r->place[0].at);
+            load(b, im, q, r->place[r->n - 1].at >= r->place[0].at);
         p = b->column[q->line - b->line] + (q->at - STEP_HALF - b->at);
     } else {
         p = im->data + q->line * im->stride + q->at - STEP_HALF;
@@ -182,7 +198,8 @@ INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t
 }
 
 /* `filters` are those of one scale. */
-INLINE void measure(rows *r, const step_filter *filters, int base, int shift, filter *answer_to) {
+INLINE void measure(rows *r, const step_filter *filters, int base, int shift, loader *load,
+                    filter *answer_to) {
     const float *t = (const float *)r->t;
     const row_place *place = r->place;
     eight *answers = r->answers, *offset = r->offset;
@@ -196,7 +213,7 @@ INLINE void measure(rows *r, const step_filter *filters, int base, int shift, fi
         const step_filter *f = &filters[place[i].filter];
         int16_t px[STEP_WIDTH];
         eight_ints sum, square;
-        fetch(r, &place[i], last, base, shift, &columns, px);
+        fetch(r, &place[i], last, base, shift, &columns, load, px);
         answer_to(f, px, &sum, &square);
         eight a = __builtin_convertvector(sum, eight) * per_answer;
         add(&all, f, &a, t[i]);
@@ -208,12 +225,12 @@ INLINE void measure(rows *r, const step_filter *filters, int base, int shift, fi
 }
 
 static void measure_portable(rows *r, const step_filter *f, int base, int shift) {
-    measure(r, f, base, shift, filter_portable);
+    measure(r, f, base, shift, load_portable, filter_portable);
 }
 
 #if defined(__x86_64__)
 AVX2_PATH static void measure_avx2(rows *r, const step_filter *f, int base, int shift) {
-    measure(r, f, base, shift, filter_avx2);
+    measure(r, f, base, shift, load_avx2, filter_avx2);
 }
 #endif
 
