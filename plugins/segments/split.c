@@ -13,13 +13,13 @@ enum { FOUR = 4 };
 
 typedef int32_t four_ints __attribute__((vector_size(4 * FOUR)));
 
-/* A line through the point (x, y) in the direction (dx, dy). */
+/* A line from the point (x, y) to one that is (dx, dy) away. */
 typedef struct chord {
     float x, y, dx, dy;
 } chord;
 
-/* The greatest distance of the points between a and b from the chord; *at is the first where. Four
- * points are taken at a time, and each lane remembers its own greatest. */
+/* The greatest distance of the points between a and b from the chord, times the chord's length; *at
+ * is the first where. Four points are taken at a time, and each lane remembers its own greatest. */
 INLINE float farthest(const arris_edge_point *p, uint32_t a, uint32_t b, chord c, uint32_t *at) {
     four most = {0};
     four_ints where = {0}, index = {0, 1, 2, 3};
@@ -50,22 +50,22 @@ INLINE float farthest(const arris_edge_point *p, uint32_t a, uint32_t b, chord c
     return best;
 }
 
-/* The greatest distance of the points between a and b from the line through these two, or from a
- * when they are less than 1 px apart (a closed chain); *at is where. */
-INLINE float deviation(const arris_edge_point *p, uint32_t a, uint32_t b, uint32_t *at) {
+/* Whether a point between a and b is farther than `tol` from the line through these two, or from a
+ * when they are less than 1 px apart (a closed chain); *at is where it is farthest. */
+INLINE bool strays(const arris_edge_point *p, uint32_t a, uint32_t b, float tol, uint32_t *at) {
     chord c = {p[a].x, p[a].y, p[b].x - p[a].x, p[b].y - p[a].y};
-    float length = sqrtf(c.dx * c.dx + c.dy * c.dy), most = 0;
+    float square = c.dx * c.dx + c.dy * c.dy, most = 0;
     *at = a;
-    if (length >= 1) {
-        c.dx /= length, c.dy /= length;
-        return farthest(p, a, b, c, at);
+    if (square >= 1) {
+        most = farthest(p, a, b, c, at);
+        return most * most > tol * tol * square;
     }
     for (uint32_t i = a + 1; i < b; i++) {
         float ex = p[i].x - c.x, ey = p[i].y - c.y, d = ex * ex + ey * ey;
         if (d > most)
             most = d, *at = i;
     }
-    return sqrtf(most);
+    return most > tol * tol;
 }
 
 /* The found corners grow from the front of `corner`, the ends still to be reached from its back;
@@ -77,7 +77,7 @@ INLINE uint32_t split(const arris_edge_point *p, uint32_t n, double tol, bool gr
     corner[top] = n - 1;
     while (top < n) {
         uint32_t first = corner[found - 1], last = corner[top];
-        if (deviation(p, first, last, &at) > (float)tol) {
+        if (strays(p, first, last, (float)tol, &at)) {
             corner[--top] = at;
         } else {
             corner[found++] = last;
