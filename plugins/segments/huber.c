@@ -14,14 +14,14 @@
 
 enum { BLOCKS = 8 };
 
-INLINE void solve(huber_line *l, double a, double b) {
-    const double *w = l->normal, per_det = 1 / (w[0] * w[2] - w[1] * w[1]);
+INLINE void solve(huber_line *l, double per_det, double a, double b) {
+    const double *w = l->normal;
     l->offset += (w[2] * a - w[1] * b) * per_det;
     l->slope += (w[0] * b - w[1] * a) * per_det;
 }
 
-/* Fills in `normal`, too. */
-INLINE void least_squares(const huber_data *d, huber_line *l) {
+/* Fills in `normal`, too, and returns the reciprocal of its determinant. */
+INLINE double least_squares(const huber_data *d, huber_line *l) {
     eight w0 = {0}, w1 = {0}, w2 = {0}, q0 = {0}, q1 = {0};
     for (uint32_t i = 0; i * LANES < d->n; i++) {
         eight ww = d->weight[i] * d->weight[i], wt = ww * d->t[i];
@@ -33,12 +33,14 @@ INLINE void least_squares(const huber_data *d, huber_line *l) {
     l->normal[1] = (double)sum[1];
     l->normal[2] = (double)eight_sum(&w2);
     l->offset = l->slope = 0;
-    solve(l, (double)sum[2], (double)sum[3]);
+    double per_det = 1 / (l->normal[0] * l->normal[2] - l->normal[1] * l->normal[1]);
+    solve(l, per_det, (double)sum[2], (double)sum[3]);
+    return per_det;
 }
 
 /* One step towards the line whose residuals, at most `limit` each, are orthogonal to it. Returns
  * the share of the offsets whose residuals were smaller. */
-INLINE double step(const huber_data *d, huber_line *l, float limit) {
+INLINE double step(const huber_data *d, huber_line *l, double per_det, float limit) {
     eight offset = (eight){0} + (float)l->offset, slope = (eight){0} + (float)l->slope;
     eight most = (eight){0} + limit, q0 = {0}, q1 = {0}, square = {0};
     eight_ints out = {0};
@@ -53,33 +55,32 @@ INLINE double step(const huber_data *d, huber_line *l, float limit) {
     }
     four sum = eight_sums((eight[]){q0, q1, square, __builtin_convertvector(out, eight)});
     l->misfit = (double)sum[2];
-    solve(l, (double)sum[0], (double)sum[1]);
+    solve(l, per_det, (double)sum[0], (double)sum[1]);
     return 1 - (double)sum[3] / d->n;
 }
 
 /* Looks for the least limit that leaves enough within, from wide to narrow: gross outliers, and
  * offsets that scatter by more than the weights claim. */
-INLINE double narrow_down(const huber_data *d, huber_line *l) {
+INLINE double narrow_down(const huber_data *d, huber_line *l, double per_det) {
     huber_line best;
     float limit = LIMIT;
     l->offset = l->slope = 0; /* the line that was expected */
-    while (step(d, l, limit) < INLIERS && limit < MOST)
+    while (step(d, l, per_det, limit) < INLIERS && limit < MOST)
         limit *= 2;
     do {
         best = *l;
         limit /= 2;
-    } while (limit >= LIMIT && step(d, l, limit) >= INLIERS);
+    } while (limit >= LIMIT && step(d, l, per_det, limit) >= INLIERS);
     *l = best;
-    return step(d, l, 2 * limit);
+    return step(d, l, per_det, 2 * limit);
 }
 
 INLINE void fit(const huber_data *d, huber_line *l) {
-    least_squares(d, l);
-    double share = step(d, l, LIMIT);
+    double per_det = least_squares(d, l), share = step(d, l, per_det, LIMIT);
     if (share < INLIERS)
-        share = narrow_down(d, l);
+        share = narrow_down(d, l, per_det);
     else if (share < FEW)
-        share = step(d, l, LIMIT);
+        share = step(d, l, per_det, LIMIT);
     l->spread = l->misfit / ((d->n - 2) * share * share);
 }
 
