@@ -146,6 +146,7 @@ typedef struct arris_segment {
     float blur;            /* sigma of the blurred step, px; 0: unknown */
     float chi2;            /* of the fit, per degree of freedom; 0: unknown */
     uint32_t chain;        /* of the edges layer it was made from; UINT32_MAX: found by the guide */
+    float beside[2]; /* what is on its left and on its right that is no part of a step, sigma */
 } arris_segment;
 
 typedef struct arris_segments {

@@ -78,7 +78,7 @@ AT(arris_edges, noise, 32);
 AT(arris_edges, point, 40);
 AT(arris_edges, chain, 48);
 
-SIZE(arris_segment, 80, 8);
+SIZE(arris_segment, 88, 8);
 AT(arris_segment, x1, 0);
 AT(arris_segment, y1, 8);
 AT(arris_segment, x2, 16);
@@ -89,6 +89,7 @@ AT(arris_segment, hi, 60);
 AT(arris_segment, blur, 64);
 AT(arris_segment, chi2, 68);
 AT(arris_segment, chain, 72);
+AT(arris_segment, beside, 76);
 
 SIZE(arris_segments, 32, 8);
 AT(arris_segments, n, 0);

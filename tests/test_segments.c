@@ -899,6 +899,81 @@ static double pair_level(const void *scene, double x, double y) {
 
 /* Parallel pairs: the two sides of a bar, and two steps up. Both are found, in their places, and
  * neither pulls the other by more than the covariance admits. */
+/* A faint neighbour takes no room from a strong edge, nor does it matter to it; one that is as
+ * strong does. */
+static void faint_neighbours_take_no_room(void **state) {
+    (void)state;
+    bench b = bench_new(160, 160, ARRIS_GREY8, NULL);
+    for (int faint = 0; faint < 2; faint++) {
+        summary m = {0};
+        int told = 0;
+        for (int i = 0; i < 100; i++) {
+            strip s = strip_anywhere(160, 160, 100, 150, &b.seed), t = s;
+            t.x += 5 * sin(s.angle), t.y -= 5 * cos(s.angle);
+            t.bright = t.dark + (faint ? 20 : 150);
+            picture_draw(&b.image, strip_level, &s, 2, &b.seed);
+            edges_clear(&b.edges);
+            chain_along(&b.edges, &s, -50, 50, 0.2, &b.seed);
+            chain_along(&b.edges, &t, -50, 50, 0.2, &b.seed);
+            b.edges.noise = 2.02f;
+            bench_run(&b);
+            summary_add(&m, &s, &b.segments, 2);
+            const arris_segment *g = strip_find(&s, &b.segments);
+            told += g && g->blur > 0;
+        }
+        m = summary_end(m);
+        assert_int_equal(m.found, 100);
+        assert_in_range(told, faint ? 100 : 0, faint ? 100 : 25);
+        assert_true(faint ? m.offset < 1.3 : m.offset > 1.3);
+    }
+    bench_free(&b);
+}
+
+/* What lies beside an edge within its blur, on one side, moves and widens it by about the same. */
+typedef struct banded {
+    strip s;
+    double width, level; /* px, to the right where positive; levels */
+} banded;
+
+static double banded_level(const void *scene, double x, double y) {
+    const banded *b = scene;
+    const strip *s = &b->s;
+    double v = (y - s->y) * cos(s->angle) - (x - s->x) * sin(s->angle), blur = strip_blur(s);
+    return strip_level(s, x, y) +
+           b->level * fabs(normal_below((v - b->width) / blur) - normal_below(v / blur));
+}
+
+static void a_band_moves_and_widens(void **state) {
+    (void)state;
+    bench b = bench_new(160, 160, ARRIS_GREY8, NULL);
+    static const double widths[] = {-1.5, -1, -0.75, 0.75, 1, 1.5};
+    for (size_t k = 0; k < COUNT(widths); k++)
+        for (double level = -12; level < 13; level += 24) {
+            double offset = 0, wider = 0, own = 0, other = 0;
+            for (int i = 0; i < 60; i++) {
+                banded f = {strip_anywhere(160, 160, 100, 100, &b.seed), widths[k], level};
+                f.s.psf = 0.55;
+                picture_draw(&b.image, banded_level, &f, 2, &b.seed);
+                edges_clear(&b.edges);
+                chain_along(&b.edges, &f.s, -50, 50, 0.2, &b.seed);
+                b.edges.noise = 2.02f;
+                bench_run(&b);
+                const arris_segment *g = strip_find(&f.s, &b.segments);
+                assert_non_null(g);
+                offset += strip_compare(&f.s, g).offset / 60;
+                wider += ((double)g->blur - strip_blur(&f.s)) / 60;
+                own += (double)g->beside[widths[k] > 0] / 60;
+                other += (double)g->beside[widths[k] < 0] / 60;
+            }
+            double ratio = offset / wider;
+            print_message("    %+.2f px %+.0f: %+.3f px, wider by %+.3f, beside %.1f %.1f\n",
+                          widths[k], level, offset, wider, own, other);
+            assert_within(widths[k] > 0 ? ratio : -ratio, 0.5, 2.2);
+            assert_true(fabs(widths[k]) < 1.5 || fabs(own) > fabs(other));
+        }
+    bench_free(&b);
+}
+
 static void parallel_pairs(void **state) {
     (void)state;
     bench b = bench_new(160, 160, ARRIS_GREY8, NULL);
@@ -1264,6 +1339,8 @@ int main(int argc, char **argv) {
         cmocka_unit_test(bent_lines),
         cmocka_unit_test(bent_lines_in_oblong_pixels),
         cmocka_unit_test(foreign_camera),
+        cmocka_unit_test(faint_neighbours_take_no_room),
+        cmocka_unit_test(a_band_moves_and_widens),
         cmocka_unit_test(parallel_pairs),
         cmocka_unit_test(t_junction),
         cmocka_unit_test(short_edges),

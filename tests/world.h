@@ -163,7 +163,8 @@ static inline void see_part(const edge *e, int name, double from, double to, con
                        .hi = e->hi,
                        .chi2 = 1};
     if (e->lo > e->hi) /* a chain has its brighter side on the right */
-        g = (arris_segment){g.x2, g.y2, g.x1, g.y1, {var, 0, g.cov[2]}, e->hi, e->lo, 0, 1, 0};
+        g = (arris_segment){g.x2, g.y2, g.x1, g.y1,  {var, 0, g.cov[2]}, e->hi, e->lo,
+                            0,    1,    0,    {0, 0}};
     truth[out->n] = name;
     if (name != FOREIGN)
         shown[name]++;

@@ -10,27 +10,43 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define FAINT 3.5f /* times a pixel's noise, the gradient per px from which a point is not */
+
 static size_t words(int n) {
     return (size_t)n / 64 + 4;
 }
 
 int crowd_init(crowd *c, int width, int height) {
-    c->bits[0] = malloc((size_t)height * words(width) * sizeof(uint64_t));
-    c->bits[1] = malloc((size_t)width * words(height) * sizeof(uint64_t));
-    return c->bits[0] && c->bits[1] ? 0 : ARRIS_E_MEMORY;
+    size_t rows = (size_t)height * words(width), columns = (size_t)width * words(height);
+    c->to_faint = rows + columns;
+    c->bits[0] = malloc(2 * c->to_faint * sizeof(uint64_t));
+    c->bits[1] = c->bits[0] + rows;
+    return c->bits[0] ? 0 : ARRIS_E_MEMORY;
 }
 
 void crowd_free(crowd *c) {
     free(c->bits[0]);
-    free(c->bits[1]);
 }
 
-/* Sets up to LANES points in their rows; `from` maps them to the picture, or is NULL. */
-INLINE void set_points(crowd *c, const arris_edge_point *p, uint32_t n, int width, int height,
+/* The coordinates and gradients of LANES points, in some order. */
+INLINE void take_apart(const arris_edge_point *p, eight *x, eight *y, eight *gx, eight *gy) {
+    eight in[4], a[4];
+    memcpy(in, p, sizeof in);
+    for (int i = 0; i < 4; i += 2) {
+        a[i] = __builtin_shufflevector(in[i], in[i + 1], 0, 8, 1, 9, 4, 12, 5, 13);
+        a[i + 1] = __builtin_shufflevector(in[i], in[i + 1], 2, 10, 3, 11, 6, 14, 7, 15);
+    }
+    *x = __builtin_shufflevector(a[0], a[2], 0, 1, 8, 9, 4, 5, 12, 13);
+    *y = __builtin_shufflevector(a[0], a[2], 2, 3, 10, 11, 6, 7, 14, 15);
+    *gx = __builtin_shufflevector(a[1], a[3], 0, 1, 8, 9, 4, 5, 12, 13);
+    *gy = __builtin_shufflevector(a[1], a[3], 2, 3, 10, 11, 6, 7, 14, 15);
+}
+
+/* Sets LANES points in their rows; `from` maps them to the picture, or is NULL. */
+INLINE void set_points(crowd *c, const arris_edge_point *p, int width, int height,
                        const lens *from) {
-    eight x, y;
-    for (uint32_t k = 0; k < LANES; k++) /* the first one again where there are no more */
-        x[k] = p[k < n ? k : 0].x, y[k] = p[k < n ? k : 0].y;
+    eight x, y, gx, gy;
+    take_apart(p, &x, &y, &gx, &gy);
     if (from)
         lens_distort(from, &x, &y);
     x += 0.5f, y += 0.5f;
@@ -38,6 +54,8 @@ INLINE void set_points(crowd *c, const arris_edge_point *p, uint32_t n, int widt
     eight_ints at = __builtin_convertvector((eight)((eight_ints)x & in), eight_ints);
     eight_ints line = __builtin_convertvector((eight)((eight_ints)y & in), eight_ints);
     eight_ints word = line * (int32_t)c->stride[0] + (at >> 6) + 1;
+    eight_ints faint = gx * gx + gy * gy < c->faint * c->faint;
+    word += faint & (int32_t)c->to_faint;
     for (uint32_t k = 0; k < LANES; k++)
         c->bits[0][word[k]] |= (uint64_t)(in[k] & 1) << (at[k] & 63);
 }
@@ -74,32 +92,43 @@ INLINE void transpose(rows4 *a) {
 
 /* Sets in the columns what is set in the 64 rows from `line` on, in the word of columns from `at`
  * on. */
-INLINE void turn_block(crowd *c, int line, int at, int width, int height) {
+INLINE void turn_block(crowd *c, size_t plane, int line, int at, int width, int height) {
     rows4 block[16] = {{0}};
     uint64_t *a = (uint64_t *)block, any = 0;
-    const uint64_t *row = c->bits[0] + line * c->stride[0] + at / 64 + 1;
-    for (int k = 0; k < 64 && line + k < height; k++, row += c->stride[0])
+    const uint64_t *row = c->bits[0] + plane + line * c->stride[0] + at / 64 + 1;
+    int rows = height - line < 64 ? height - line : 64, columns = width - at < 64 ? width - at : 64;
+    for (int k = 0; k < rows; k++, row += c->stride[0])
         any |= a[k] = *row;
     if (!any)
         return;
     transpose(block);
-    uint64_t *column = c->bits[1] + at * c->stride[1] + line / 64 + 1;
-    for (int k = 0; k < 64 && at + k < width; k++, column += c->stride[1])
+    uint64_t *column = c->bits[1] + plane + at * c->stride[1] + line / 64 + 1;
+    for (int k = 0; k < columns; k++, column += c->stride[1])
         *column = a[k];
+}
+
+/* Line by line, as long ones are cleared byte by byte. */
+INLINE void clear(uint64_t *bits, int lines, size_t stride) {
+    for (int i = 0; i < lines; i++, bits += stride)
+        memset(bits, 0, stride * sizeof *bits);
 }
 
 INLINE void fill(crowd *c, const arris_edges *e, int width, int height, const lens *from) {
     c->stride[0] = words(width), c->stride[1] = words(height);
-    memset(c->bits[0], 0, (size_t)height * c->stride[0] * sizeof(uint64_t));
-    memset(c->bits[1], 0, (size_t)width * c->stride[1] * sizeof(uint64_t));
-    for (uint32_t i = 0; i < e->n; i += LANES)
-        if (i + LANES <= e->n)
-            set_points(c, e->point + i, LANES, width, height, from);
-        else
-            set_points(c, e->point + i, e->n - i, width, height, from);
-    for (int line = 0; line < height; line += 64)
-        for (int at = 0; at < width; at += 64)
-            turn_block(c, line, at, width, height);
+    uint32_t whole = e->n / LANES * LANES;
+    arris_edge_point last[LANES];
+    clear(c->bits[0], height, c->stride[0]), clear(c->bits[0] + c->to_faint, height, c->stride[0]);
+    clear(c->bits[1], width, c->stride[1]), clear(c->bits[1] + c->to_faint, width, c->stride[1]);
+    for (uint32_t i = 0; i < whole; i += LANES)
+        set_points(c, e->point + i, width, height, from);
+    for (uint32_t k = 0; k < LANES && whole < e->n; k++) /* the first again where there is none */
+        last[k] = e->point[whole + (whole + k < e->n ? k : 0)];
+    if (whole < e->n)
+        set_points(c, last, width, height, from);
+    for (size_t plane = 0; plane <= c->to_faint; plane += c->to_faint)
+        for (int line = 0; line < height; line += 64)
+            for (int at = 0; at < width; at += 64)
+                turn_block(c, plane, line, at, width, height);
 }
 
 static void fill_portable(crowd *c, const arris_edges *e, int width, int height, const lens *from) {
@@ -113,6 +142,7 @@ AVX2_PATH static void fill_avx2(crowd *c, const arris_edges *e, int width, int h
 
 void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *camera) {
     lens from = camera ? lens_of(camera) : (lens){0};
+    c->faint = FAINT * e->noise;
     (HAS_AVX2 ? fill_avx2 : fill_portable)(c, e, width, height, camera ? &from : NULL);
 }
 
@@ -120,8 +150,9 @@ static void set(uint64_t *bits, size_t stride, unsigned line, unsigned at) {
     bits[line * stride + at / 64 + 1] |= (uint64_t)1 << at % 64;
 }
 
-void crowd_add(crowd *c, float x, float y) {
+void crowd_add(crowd *c, float x, float y, float gradient) {
     unsigned at = (unsigned)(int)(x + 0.5f), line = (unsigned)(int)(y + 0.5f);
-    set(c->bits[0], c->stride[0], line, at);
-    set(c->bits[1], c->stride[1], at, line);
+    size_t plane = gradient < c->faint ? c->to_faint : 0;
+    set(c->bits[0] + plane, c->stride[0], line, at);
+    set(c->bits[1] + plane, c->stride[1], at, line);
 }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
  * crowd.h: where a picture's edge points are, a bit a pixel, by rows and by columns: tells how near
- * the neighbours of a line are.
+ * the neighbours of a line are. The faint ones are apart: to a line that is much stronger they do
+ * not matter.
  */
 #ifndef CROWD_H
 #define CROWD_H
@@ -15,8 +16,10 @@
 enum { CROWD_REACH = 12 }; /* px */
 
 typedef struct crowd {
-    size_t stride[2]; /* words of a row, of a column */
-    uint64_t *bits[2];
+    size_t stride[2];  /* words of a row, of a column */
+    uint64_t *bits[2]; /* of clear points, by rows and by columns; those of faint ones are */
+    size_t to_faint;   /* words behind */
+    float faint;       /* the least gradient that is not, levels per px */
 } crowd;
 
 /* 0 or ARRIS_E_MEMORY; crowd_free in either case. */
@@ -27,16 +30,18 @@ void crowd_free(crowd *c);
  * outside of it are ignored. The lens of `camera` maps ideal points to the picture; NULL: none. */
 void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *camera);
 
-/* Adds a point of the picture. */
-void crowd_add(crowd *c, float x, float y);
+/* Adds a point of the picture of this gradient, levels per px. */
+void crowd_add(crowd *c, float x, float y, float gradient);
 
 enum { CROWD_FIRST = 64 - CROWD_REACH };
 
 /* The bytes of all rows (of all columns when `columns`), one after another: how many a row takes,
- * and where they are. The points around pixel `at`, those CROWD_REACH px to either side, are the
- * bits from at + CROWD_FIRST on. Little-endian, as all our targets are. */
-INLINE void crowd_view(const crowd *c, bool columns, const uint8_t **bits, size_t *stride) {
-    *bits = (const uint8_t *)c->bits[columns];
+ * and where they are, of clear points and of faint ones. The points around pixel `at`, those
+ * CROWD_REACH px to either side, are the bits from at + CROWD_FIRST on. Little-endian, as all our
+ * targets are. */
+INLINE void crowd_view(const crowd *c, bool columns, const uint8_t *bits[2], size_t *stride) {
+    bits[0] = (const uint8_t *)c->bits[columns];
+    bits[1] = (const uint8_t *)(c->bits[columns] + c->to_faint);
     *stride = c->stride[columns] * sizeof(uint64_t);
 }
 

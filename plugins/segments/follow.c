@@ -36,11 +36,11 @@ void follower_free(follower *f) {
 }
 
 /* The rows of the stretch are edge points of the picture. */
-static void tell(const support *s, refitter *r) {
+static void tell(const support *s, double gradient, refitter *r) {
     for (int v = s->from; v < s->to; v++)
         if (s->row[v].step > 0)
             refitter_add(r, s->columns ? (float)v : s->row[v].u,
-                         s->columns ? s->row[v].u : (float)v);
+                         s->columns ? s->row[v].u : (float)v, (float)gradient);
 }
 
 /* The ends as a lens has them. */
@@ -59,7 +59,7 @@ void follow(follower *f, const arris_guide *guide, const arris_image *image,
     for (uint32_t i = 0; i < guide->n && n < MOST; i++)
         if (support_find(&f->support, &guide->item[i], (double)guide->step, min_length,
                          &f->start[n])) {
-            tell(&f->support, r);
+            tell(&f->support, f->start[n].gradient, r);
             f->start[n++].noise = noise;
         }
     refitter_set_lens(r, f->support.lens);

@@ -24,7 +24,8 @@
 #define ROUNDING 0.2887   /* sigma of the noise of whole grey levels: 12^-1/2 */
 #define ESCAPED 1.5       /* px from the edge points at which a line is not theirs */
 #define BESIDE 6          /* times what it is at the line, a step 1 px aside is another edge's */
-#define UNSURE 0.7        /* sigma of a pixel, of a difference between means of four */
+#define WEAK 0.2   /* share of an edge's gradient up to which a point does not matter to it */
+#define UNSURE 0.7 /* sigma of a pixel, of a difference between means of four */
 
 enum { MIN_ROWS = 3, MAX_PASSES = 4, PROBE = 4 };
 
@@ -84,8 +85,8 @@ void refitter_look(refitter *f, const arris_image *image, const arris_edges *edg
     crowd_fill(&f->crowd, edges, image->width, image->height, lens);
 }
 
-void refitter_add(refitter *f, float x, float y) {
-    crowd_add(&f->crowd, x, y);
+void refitter_add(refitter *f, float x, float y, float gradient) {
+    crowd_add(&f->crowd, x, y, gradient);
 }
 
 void refitter_set_lens(refitter *f, const arris_camera *lens) {
@@ -220,7 +221,9 @@ static void move(row_line *l, double offset, double angle) {
 
 /* What the rows leave over, per degree of freedom, in sigma²; 0 without freedom. */
 static double shape(const state *s, const row_sums *sum) {
-    double rest = (double)(eight_sum(&sum->squares) - eight_sum(&sum->explained));
+    eight parts = sum->explained;
+    parts[STEP_BEFORE] = parts[STEP_BEHIND] = 0;
+    double rest = (double)(eight_sum(&sum->squares) - eight_sum(&parts));
     return sum->total[STEP_DOF] > 0 && rest > 0
                ? rest / ((double)sum->total[STEP_DOF] * s->noise * s->noise)
                : 0;
@@ -297,6 +300,13 @@ static double common_error(const rows *r, double hi) {
     return pull * pull + clipped * clipped;
 }
 
+/* What is left on the dark side, before the step, or on the bright one; in sigma. */
+static double beside(const state *s, const row_sums *sum, int side) {
+    int filter = (s->contrast[0] > 0) == (side == 0) ? STEP_BEFORE : STEP_BEHIND;
+    double weight = (double)sum->weight[filter], answer = (double)sum->answer[filter];
+    return weight > 0 ? answer / (s->noise * sqrt(weight * fmax(1, shape(s, sum)))) : 0;
+}
+
 static void result(const refitter *f, const state *s, arris_segment *out) {
     const row_line *l = &s->line;
     const row_sums *sum = &f->rows.sum;
@@ -313,7 +323,9 @@ static void result(const refitter *f, const state *s, arris_segment *out) {
     out->cov[0] = grow * w[2] / det + common_error(&f->rows, (double)out->hi);
     out->cov[1] = -grow * w[1] / det;
     out->cov[2] = grow * w[0] / det;
-    out->blur = (float)s->blur;
+    out->blur = tells_blur(&f->rows) ? (float)s->blur : 0;
+    for (int k = 0; k < 2; k++)
+        out->beside[k] = (float)beside(s, sum, k);
     out->chi2 = (float)((shape(s, sum) * dof + s->step.misfit) / (dof + lines_dof));
 }
 
@@ -324,6 +336,7 @@ bool refit(refitter *f, const refit_start *start, arris_segment *out) {
                .noise = known ? start->noise : ROUNDING};
     double moved = 0;
     f->rows.whole = start->whole;
+    f->rows.clear_only = WEAK * start->gradient >= (double)f->crowd.faint;
     for (int k = 0; k < MAX_PASSES; k++) {
         if (!improve(f, &s, start->gradient))
             return false;

@@ -25,8 +25,8 @@ void refitter_free(refitter *f); /* NULL is allowed */
 void refitter_look(refitter *f, const arris_image *image, const arris_edges *edges,
                    const arris_camera *lens);
 
-/* Another edge point of the picture, px in it. */
-void refitter_add(refitter *f, float x, float y);
+/* Another edge point of the picture, px in it, and its gradient in the smoothed picture. */
+void refitter_add(refitter *f, float x, float y, float gradient);
 
 /* The lens of the lines that follow. */
 void refitter_set_lens(refitter *f, const arris_camera *lens);

@@ -41,6 +41,7 @@ typedef struct rows {
     const crowd *crowd;
     const arris_image *image;
     const arris_camera *lens; /* NULL: the line's coordinates are the picture's */
+    bool clear_only;          /* faint points are no neighbours */
     bool portable;            /* without what only some machines have; the same bits */
     uint32_t n, max;
     float pull;    /* sum of the px by which other edges may move the step */

@@ -7,6 +7,8 @@
 #include <math.h>
 #include <string.h>
 
+#define BESIDE 1.5 /* px from the step, where a second one is asked for */
+
 typedef double row[STEP_WIDTH];
 
 static double dot(const row a, const row b) {
@@ -26,14 +28,16 @@ static void parts_at(double d, double s, double part[STEP_FILTERS]) {
     part[STEP_BLUR] = -z * phi;
     part[STEP_KINK] = 2 * bright - d;
     part[STEP_SLOPE] = d;
+    part[STEP_BEFORE] = 0.5 * erfc(-(d + BESIDE) / s * M_SQRT1_2);
+    part[STEP_BEHIND] = 0.5 * erfc(-(d - BESIDE) / s * M_SQRT1_2);
 }
 
-/* Takes the first k directions out of q[k] and scales the rest to length 1; a rest that is nothing
- * but rounding becomes 0. Returns the length. */
+/* Takes the first k directions, or those of the parts, out of q[k] and scales the rest to length 1;
+ * a rest that is nothing but rounding becomes 0. Returns the length. */
 static double orthogonal(row *q, int k) {
     double before = sqrt(dot(q[k], q[k]));
     for (int twice = 0; twice < 2; twice++)
-        for (int i = 0; i < k; i++) {
+        for (int i = 0; i < k && i < STEP_PARTS; i++) {
             double c = dot(q[i], q[k]);
             for (int j = 0; j < STEP_WIDTH; j++)
                 q[k][j] -= c * q[i][j];
@@ -76,7 +80,7 @@ static void make(step_filter *f, double s, int half, double shift) {
     f->offset[STEP_RESPONSE] = f->response[STEP_OFFSET];
     f->offset[STEP_GAIN] = (float)((gain - 1) / log(1.01));
     f->part[STEP_SUM] = (float)dot(v[STEP_MEAN], v[STEP_CONTRAST]);
-    f->part[STEP_DOF] = (float)(2 * half - parts);
+    f->part[STEP_DOF] = (float)(2 * half - (parts < STEP_PARTS ? parts : STEP_PARTS));
     if (parts <= STEP_SLOPE)
         return;
     double kink = dot(q[STEP_OFFSET], v[STEP_KINK]), slope = dot(q[STEP_OFFSET], v[STEP_SLOPE]);

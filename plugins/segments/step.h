@@ -7,6 +7,7 @@
  * made orthonormal in this order: the mean level, the step, its offset, its blur, a slope that
  * differs between the two sides, a slope common to both. So each filter's answer has the variance
  * of one pixel's noise and is independent of the others', and both levels are free in every row.
+ * Two more ask what is left of all that on either side: a second step BESIDE px away.
  */
 #ifndef STEP_H
 #define STEP_H
@@ -21,7 +22,18 @@ enum {
     STEP_SCALES = 30            /* blurs, eight to an octave, from 0.44 to 5.8 px */
 };
 
-enum { STEP_MEAN, STEP_CONTRAST, STEP_OFFSET, STEP_BLUR, STEP_KINK, STEP_SLOPE, STEP_FILTERS };
+enum {
+    STEP_MEAN,
+    STEP_CONTRAST,
+    STEP_OFFSET,
+    STEP_BLUR,
+    STEP_KINK,
+    STEP_SLOPE,
+    STEP_BEFORE,
+    STEP_BEHIND,
+    STEP_FILTERS,
+    STEP_PARTS = STEP_BEFORE
+};
 
 #define STEP_UNIT 32768 /* of the weights; answers to pixels within +-STEP_MOST stay below 2^31 */
 #define STEP_MOST 8191

@@ -125,19 +125,27 @@ INLINE void follow(course *c, double base, eight *value) {
     c->value += LANES * c->step + 28 * c->bend, c->step += LANES * c->bend;
 }
 
-/* The points around the line. */
-INLINE void look_around(const rows *r, eight_rows *e) {
-    const uint8_t *bits;
-    size_t stride;
-    eight_ints at = e->before - (e->part > 0.5f), bit, byte;
-    crowd_view(r->crowd, r->columns, &bits, &stride);
-    bit = at + CROWD_FIRST;
-    byte = e->line * (int32_t)stride + (bit >> 3);
+/* Adds the points around the line that the bits tell of. */
+INLINE void look_at(const uint8_t *bits, const eight_ints *byte, eight_ints *around) {
     for (int k = 0; k < LANES; k++) {
         int32_t word;
-        memcpy(&word, bits + byte[k], sizeof word);
-        e->around[k] = word;
+        memcpy(&word, bits + (*byte)[k], sizeof word);
+        (*around)[k] |= word;
     }
+}
+
+/* The points around the line. */
+INLINE void look_around(const rows *r, eight_rows *e) {
+    const uint8_t *bits[2];
+    size_t stride;
+    eight_ints at = e->before - (e->part > 0.5f), bit, byte;
+    crowd_view(r->crowd, r->columns, bits, &stride);
+    bit = at + CROWD_FIRST;
+    byte = e->line * (int32_t)stride + (bit >> 3);
+    e->around = (eight_ints){0};
+    look_at(bits[0], &byte, &e->around);
+    if (!r->clear_only)
+        look_at(bits[1], &byte, &e->around);
     e->around = (eight_ints)((eight_bits)e->around >> (eight_bits)(bit & 7));
 }
 
