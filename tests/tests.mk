@@ -30,6 +30,7 @@ $(test_shared): $(B)/tests/%.so: $(B)/obj/tests/%.c.o
 test_guide_uses := edges segments
 test_window_uses := adjust files
 test_segments_uses := edges
+test_beside_uses := segments reconstruct
 test_adjust_board_uses := adjust calibrate image files
 bench_adjust_uses := adjust files
 bench_accuracy_uses := edges segments

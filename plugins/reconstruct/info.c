@@ -31,6 +31,20 @@ void info_add(info *in, const linear *l, const double x[4]) {
     in->n++;
 }
 
+/* y + px in the place of y in info_add, where y is J x but for the residuals, whose mean is 0. */
+void info_move(info *in, const linear *l, const double x[4], double px) {
+    double det = l->cov[0] * l->cov[2] - l->cov[1] * l->cov[1];
+    double w[2] = {(l->cov[2] - l->cov[1]) / det, (l->cov[0] - l->cov[1]) / det};
+    for (int k = 0; k < 2; k++) {
+        double more = in->n * w[k] * px, y = 0;
+        for (int i = 0; i < 4; i++) {
+            in->g[i] += more * l->J[k][i];
+            y += l->J[k][i] * x[i];
+        }
+        in->c += more * (2 * y + px);
+    }
+}
+
 /* Adds to each of four sums its values for all views. */
 INLINE void sum(double to[4], const lane a[4]) {
     lane b[2], *all = (lane *)(void *)to;

@@ -23,6 +23,9 @@ void info_add(info *in, const linear *l, const double x[4]);
 /* The same of those that are taken of several views. */
 void info_add_views(info *in, const linears *l, const bool take[VIEWS], const double x[4]);
 
+/* Moves the segments of its views `px` to their right; they are as the one view, linear about x. */
+void info_move(info *in, const linear *l, const double x[4], double px);
+
 /* Adds b to a. */
 void info_sum(info *a, const info *b);
 

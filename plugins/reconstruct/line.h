@@ -114,6 +114,14 @@ void line_resume(line *l, const scene *s, const double x[4]);
 /* Finds the ends: the line reaches as far as a good part of the views saw it that could. */
 void line_trim(line *l);
 
+/* The mean blur of a line that nothing beside it moves, px; *weight is 0 when something does, or
+ * when too few views tell. */
+double line_blur(const line *l, double *weight);
+
+/* Takes out of the views of a settled line by how much what is beside it moves them (beside.c),
+ * when it evidently does. `usual`: blur of the lines that nothing moves, px; 0: there are none. */
+void line_clear(line *l, const scene *s, double usual);
+
 /* The best estimate that the views give, its ends and its drift. */
 void line_complete(line *l, const scene *s);
 

@@ -200,6 +200,19 @@ static bool correct(scan *s, int times) {
     return true;
 }
 
+/* Takes out what lies beside the edges, by the blur of those beside which nothing does. */
+static void clear_sides(scan *s) {
+    double sum = 0, weights = 0;
+    for (uint32_t i = 0; i < s->n; i++) {
+        double weight, blur = line_blur(&s->alive[i]->l, &weight);
+        if (entry_counts(s, s->alive[i]))
+            sum += weight * blur, weights += weight;
+    }
+    for (uint32_t i = 0; i < s->n; i++)
+        if (s->alive[i]->l.settled)
+            line_clear(&s->alive[i]->l, &s->scene, weights > 0 ? sum / weights : 0);
+}
+
 void unite_finish(scan *s) {
     bool corrects = worth_it(s), well = corrects;
     for (int i = 0; i < ROUNDS; i++) {
@@ -212,6 +225,7 @@ void unite_finish(scan *s) {
         if (!split_worst(s))
             break;
     }
+    clear_sides(s);
     unite_merge(s);
     s->scene.noise.corrected = well;
 }

@@ -77,6 +77,8 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
     set_covariance(v, s.cov);
     v->misfit = s.chi2 > 0 ? 1 - 1 / s.chi2 : 0;
     v->level[0] = s.lo, v->level[1] = s.hi;
+    v->blur = s.blur;
+    v->beside[0] = s.beside[0], v->beside[1] = s.beside[1];
     v->frame = 0;
     v->shift[0] = v->shift[1] = v->shift[2] = 0;
     v->left = 1;
@@ -91,7 +93,23 @@ void view_turn(view *v) {
     }
     v->from = -v->to, v->to = -from;
     v->level[0] = v->level[1], v->level[1] = left;
+    float beside = v->beside[0];
+    v->beside[0] = v->beside[1], v->beside[1] = beside;
     v->cov[1] = -v->cov[1];
+}
+
+void view_move(view *v, double px, double variance, double share) {
+    double across[3], along = arris_dot(v->plane, v->axis);
+    for (int i = 0; i < 3; i++)
+        across[i] = v->plane[i] - along * v->axis[i];
+    double per_px = px / arris_dot(across, across);
+    for (int i = 0; i < 3; i++) {
+        v->ray[i] += per_px * across[i];
+        v->plane[i] -= px * v->axis[i];
+    }
+    double systematic = v->misfit * v->cov[0] + share * variance;
+    v->cov[0] += variance;
+    v->misfit = systematic / v->cov[0];
 }
 
 void frame_line(const frame *f, const double x[4], double M[3], double D[3]) {

@@ -28,6 +28,8 @@ typedef struct view {
     uint32_t frame;  /* by number */
     double shift[3]; /* mm: by how much C seems off, from what the frame's other lines say; */
     double left;     /* and the share of the position's sigma that is left then */
+    float blur;      /* px; 0: unknown */
+    float beside[2]; /* what is on its left and on its right that is no part of a step, sigma */
 } view;
 
 /* Where a line's parameters are counted from: it passes X - h u + x[0] a + x[1] b and
@@ -73,6 +75,10 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
 
 /* The same view of an edge whose polarity is the other: it runs the other way. */
 void view_turn(view *v);
+
+/* Moves the segment `px` to its right; `variance`, px², of that adds to its offset's, `share` of
+ * which is systematic. */
+void view_move(view *v, double px, double variance, double share);
 
 /* The line is M + s D. */
 void frame_line(const frame *f, const double x[4], double M[3], double D[3]);
