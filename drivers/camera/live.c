@@ -30,17 +30,26 @@ bool live_done(const live *l) {
     return l->frames >= 0 && l->made >= l->frames;
 }
 
-static int64_t wall_ns(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_REALTIME, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+/* By how much the wall clock is ahead of arris_now, ns: by the quickest of a few readings, since
+ * the thread may lose its turn between the two clocks. */
+static int64_t wall_ahead(void) {
+    int64_t ahead = 0, quickest = INT64_MAX;
+    for (int i = 0; i < 3; i++) {
+        struct timespec t;
+        int64_t before = arris_now();
+        clock_gettime(CLOCK_REALTIME, &t);
+        int64_t took = arris_now() - before;
+        if (took < quickest)
+            ahead = (int64_t)t.tv_sec * 1000000000 + t.tv_nsec - before - took / 2, quickest = took;
+    }
+    return ahead;
 }
 
 void live_frame(live *l, arris_frame *f, int64_t index, int64_t stamp, bool start,
                 double exposure) {
     double half = (l->exposure_time < 0 ? exposure : l->exposure_time) / 2; /* ms */
     int64_t middle = stamp + (int64_t)(1e6 * (start ? half : -half - l->readout));
-    arris_frame_set(f, index, (wall_ns() - arris_now() + middle) / 1000);
+    arris_frame_set(f, index, (wall_ahead() + middle) / 1000);
     l->made++;
 }
 
