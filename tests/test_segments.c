@@ -699,19 +699,27 @@ static double moved_level(const void *scene, double x, double y) {
     return sum;
 }
 
+/* Draws a scene with noise of 2 levels. The segment of its strip, from a chain along it that
+ * reaches `half` px from its middle. */
+static const arris_segment *bench_see(bench *b, scene_level *level, const void *scene,
+                                      const strip *s, double half) {
+    picture_draw(&b->image, level, scene, 2, &b->seed);
+    edges_clear(&b->edges);
+    chain_along(&b->edges, s, -half, half, 0.2, &b->seed);
+    b->edges.noise = 2.02f;
+    bench_run(b);
+    const arris_segment *g = strip_find(s, &b->segments);
+    assert_non_null(g);
+    return g;
+}
+
 static void motion_blur_is_no_bias(void **state) {
     (void)state;
     bench b = bench_new(160, 160, ARRIS_GREY8, NULL);
     double mean = 0, nees = 0;
     for (int i = 0; i < 100; i++) {
         blurred m = {strip_anywhere(160, 160, 80, 120, &b.seed), 4};
-        picture_draw(&b.image, moved_level, &m, 2, &b.seed);
-        edges_clear(&b.edges);
-        chain_along(&b.edges, &m.s, -38, 38, 0.2, &b.seed);
-        b.edges.noise = 2.02f;
-        bench_run(&b);
-        const arris_segment *g = strip_find(&m.s, &b.segments);
-        assert_non_null(g);
+        const arris_segment *g = bench_see(&b, moved_level, &m, &m.s, 38);
         strip_error e = strip_compare(&m.s, g);
         mean += e.offset / 100, nees += e.nees / 100;
     }
@@ -897,8 +905,6 @@ static double pair_level(const void *scene, double x, double y) {
     return strip_level(&p->a, x, y) + strip_level(&p->b, x, y);
 }
 
-/* Parallel pairs: the two sides of a bar, and two steps up. Both are found, in their places, and
- * neither pulls the other by more than the covariance admits. */
 /* A faint neighbour takes no room from a strong edge, nor does it matter to it; one that is as
  * strong does. */
 static void faint_neighbours_take_no_room(void **state) {
@@ -953,13 +959,7 @@ static void a_band_moves_and_widens(void **state) {
             for (int i = 0; i < 60; i++) {
                 banded f = {strip_anywhere(160, 160, 100, 100, &b.seed), widths[k], level};
                 f.s.psf = 0.55;
-                picture_draw(&b.image, banded_level, &f, 2, &b.seed);
-                edges_clear(&b.edges);
-                chain_along(&b.edges, &f.s, -50, 50, 0.2, &b.seed);
-                b.edges.noise = 2.02f;
-                bench_run(&b);
-                const arris_segment *g = strip_find(&f.s, &b.segments);
-                assert_non_null(g);
+                const arris_segment *g = bench_see(&b, banded_level, &f, &f.s, 50);
                 offset += strip_compare(&f.s, g).offset / 60;
                 wider += ((double)g->blur - strip_blur(&f.s)) / 60;
                 own += (double)g->beside[widths[k] > 0] / 60;
@@ -974,6 +974,8 @@ static void a_band_moves_and_widens(void **state) {
     bench_free(&b);
 }
 
+/* Parallel pairs: the two sides of a bar, and two steps up. Both are found, in their places, and
+ * neither pulls the other by more than the covariance admits. */
 static void parallel_pairs(void **state) {
     (void)state;
     bench b = bench_new(160, 160, ARRIS_GREY8, NULL);
