@@ -246,11 +246,14 @@ typedef struct arris_foreseen {
     int32_t line;          /* the id */
     double x1, y1, x2, y2; /* px */
     double sigma;          /* px, across it */
+    double dx, dy;         /* px that its middle has moved in the picture since `searched` */
 } arris_foreseen;
 
-/* Known lines that `edges` left out, or may have: who makes segments looks at the picture there. */
+/* The known lines of a picture that `edges` does not search: who makes segments looks at the
+ * picture there. None: it was searched. */
 typedef struct arris_guide {
     uint32_t n, max, lost;
+    uint64_t searched;          /* the frame whose edges tell what is beside the lines */
     const arris_camera *camera; /* without a lens: the coordinates are ideal pixels */
     float step;                 /* grey levels: the least that counts as an edge */
     arris_foreseen *item;

@@ -131,19 +131,21 @@ AT(arris_lines, scale_sigma, 16);
 AT(arris_lines, pose_sigma, 24);
 AT(arris_lines, item, 32);
 
-SIZE(arris_foreseen, 48, 8);
+SIZE(arris_foreseen, 64, 8);
 AT(arris_foreseen, line, 0);
 AT(arris_foreseen, x1, 8);
 AT(arris_foreseen, y2, 32);
 AT(arris_foreseen, sigma, 40);
+AT(arris_foreseen, dx, 48);
 
-SIZE(arris_guide, 40, 8);
+SIZE(arris_guide, 48, 8);
 AT(arris_guide, n, 0);
 AT(arris_guide, max, 4);
 AT(arris_guide, lost, 8);
-AT(arris_guide, camera, 16);
-AT(arris_guide, step, 24);
-AT(arris_guide, item, 32);
+AT(arris_guide, searched, 16);
+AT(arris_guide, camera, 24);
+AT(arris_guide, step, 32);
+AT(arris_guide, item, 40);
 
 SIZE(arris_prop, 72, 8);
 AT(arris_prop, name, 0);

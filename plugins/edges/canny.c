@@ -86,14 +86,14 @@ static int32_t least(int32_t a, int32_t b) {
     return a < b ? a : b;
 }
 
-/* The part of `im` that lies in a region; width 0: all of it. */
-static arris_image crop(const arris_image *im, const canny_region *r) {
+/* The part of `im` that lies in the region of interest. */
+static arris_image crop(const arris_image *im, const canny_params *p) {
     arris_image part = *im;
-    if (r->width == 0)
+    if (p->width == 0)
         return part;
-    int x0 = least(r->x, im->width), y0 = least(r->y, im->height);
-    part.width = least(r->width, im->width - x0);
-    part.height = least(r->height, im->height - y0);
+    int x0 = least(p->x, im->width), y0 = least(p->y, im->height);
+    part.width = least(p->width, im->width - x0);
+    part.height = least(p->height, im->height - y0);
     part.data += y0 * im->stride + x0 * (int)im->format;
     return part;
 }
@@ -108,40 +108,30 @@ static void set_thresholds(canny *c, const arris_image *im, int white) {
     c->low = fmin(c->low, c->high);
 }
 
-static void begin(const canny *c, const arris_image *im, arris_edges *out) {
+/* Sets what is asked of an edge in this picture. Returns the shift of its gradients. */
+static int begin(canny *c, const arris_image *im, const arris_image *part, arris_edges *out) {
+    int shift = gradient_shift(part), white = (1 << (GRADIENT_BITS - shift)) - 1;
+    c->noise = noise_of_pixels(part, white);
+    set_thresholds(c, part, white);
     out->n = out->lost = out->n_chains = out->lost_chains = 0;
     out->camera = im->camera;
     out->noise = c->noise;
+    return shift;
 }
 
-/* Appends the chains of a part of the picture that begins at (x, y). */
-static void add_chains(canny *c, const arris_image *part, int shift, int x, int y,
-                       arris_edges *out) {
-    gradient_edgels(&c->g, part, shift, (float)(c->low / gradient_unit(shift)), (float)x, (float)y,
-                    &c->e, c->path);
-    link_edgels(&c->l, &c->e, part->height, c->path);
-    link_chains(&c->l, &c->e, (float)c->high, (uint32_t)c->p.min_length, out);
-    out->lost += c->e.lost;
+void canny_skip(canny *c, const arris_image *im, arris_edges *out) {
+    arris_image part = crop(im, &c->p);
+    begin(c, im, &part, out);
 }
 
 void canny_run(canny *c, const arris_image *im, arris_edges *out) {
-    canny_region roi = {c->p.x, c->p.y, c->p.width, c->p.height};
-    arris_image part = crop(im, &roi);
-    int shift = gradient_shift(&part), white = (1 << (GRADIENT_BITS - shift)) - 1;
-    c->noise = noise_of_pixels(&part, white);
-    set_thresholds(c, &part, white);
-    begin(c, im, out);
-    add_chains(c, &part, shift, c->p.x, c->p.y, out);
-}
-
-void canny_look(canny *c, const arris_image *im, const canny_region *r, uint32_t n,
-                arris_edges *out) {
-    int shift = gradient_shift(im);
-    begin(c, im, out);
-    for (uint32_t i = 0; i < n; i++) {
-        arris_image part = crop(im, &r[i]);
-        add_chains(c, &part, shift, r[i].x, r[i].y, out);
-    }
+    arris_image part = crop(im, &c->p);
+    int shift = begin(c, im, &part, out);
+    gradient_edgels(&c->g, &part, shift, (float)(c->low / gradient_unit(shift)), (float)c->p.x,
+                    (float)c->p.y, &c->e, c->path);
+    link_edgels(&c->l, &c->e, part.height, c->path);
+    link_chains(&c->l, &c->e, (float)c->high, (uint32_t)c->p.min_length, out);
+    out->lost += c->e.lost;
 }
 
 float canny_least_step(const canny *c) {

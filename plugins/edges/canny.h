@@ -23,11 +23,6 @@ typedef struct canny_params {
     int32_t x, y, width, height; /* the region of interest, px; width 0: the whole picture */
 } canny_params;
 
-/* A rectangle of pixels. */
-typedef struct canny_region {
-    int32_t x, y, width, height;
-} canny_region;
-
 #define CANNY_DEFAULTS                                                                             \
     { 1, -1, -1, 10, 0, 0, 0, 0 }
 
@@ -51,12 +46,11 @@ bool canny_set_path(canny *c, enum path path);
  * support leaves the picture are not reported. */
 void canny_run(canny *c, const arris_image *im, arris_edges *out);
 
-/* The same within n regions of the picture only, each treated as a region of interest, by the noise
- * and the thresholds that the last canny_run found. */
-void canny_look(canny *c, const arris_image *im, const canny_region *r, uint32_t n,
-                arris_edges *out);
+/* No chains, but the noise: of a picture that is not to be searched. */
+void canny_skip(canny *c, const arris_image *im, arris_edges *out);
 
-/* The step, in grey levels, whose gradient behind a common lens is at the lower threshold. */
+/* The step, in grey levels, whose gradient behind a common lens is at the lower threshold in the
+ * last picture. */
 float canny_least_step(const canny *c);
 
 #endif

@@ -29,22 +29,21 @@ int search_setup(arris_stage *s, search *e, const canny_params *p, const arris_c
                                  canny_max_chains(caps->width, caps->height));
 }
 
-/* Searches what the guide leaves to be searched. */
+/* Searches the picture, unless the guide says where lines are. */
 static void search_guided(arris_stage *s, search *e, arris_frame *f, arris_edges *out) {
     const arris_image *image = arris_layer_get(f, ARRIS_IMAGE);
     const arris_lines *lines = arris_feedback(s, ARRIS_LINES);
     arris_guide *foreseen = arris_layer_give(s, f, ARRIS_GUIDE);
-    if (guide_decide(e->guide, lines, arris_layer_get(f, ARRIS_POSE), foreseen)) {
-        uint32_t n;
-        const canny_region *region = guide_regions(e->guide, &n);
-        canny_look(e->canny, image, region, n, out);
-        foreseen->step = canny_least_step(e->canny);
-        arris_count(s, "pictures searched in part", 1);
-        arris_count(s, "lines foreseen", foreseen->n);
-    } else {
+    if (!guide_decide(e->guide, lines, arris_layer_get(f, ARRIS_POSE), foreseen)) {
         canny_run(e->canny, image, out);
+        e->searched = arris_frame_seq(f);
+        return;
     }
-    guide_learn(e->guide, out);
+    canny_skip(e->canny, image, out);
+    foreseen->searched = e->searched;
+    foreseen->step = canny_least_step(e->canny);
+    arris_count(s, "pictures not searched", 1);
+    arris_count(s, "lines foreseen", foreseen->n);
 }
 
 int search_run(arris_stage *s, search *e, arris_frame *f) {

@@ -1,18 +1,20 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
- * search.h: what the stage `edges` does in a frame: the kernel canny.h, on all of the picture or on
- * what guide.h leaves. Functions are the stage's callbacks or called by them.
+ * search.h: what the stage `edges` does in a frame: the kernel canny.h, where guide.h does not
+ * spare it. Functions are the stage's callbacks or called by them.
  */
 #ifndef SEARCH_H
 #define SEARCH_H
 
 #include "arris_plugin.h"
+#include "canny.h"
 #include "guide.h"
 
 typedef struct search {
-    bool guided;  /* the property */
-    canny *canny; /* the rest is search_setup's */
-    guide *guide; /* NULL: every picture is searched whole */
+    bool guided;       /* the property */
+    canny *canny;      /* the rest is search_setup's */
+    guide *guide;      /* NULL: every picture is searched */
+    uint64_t searched; /* the last frame that was */
 } search;
 
 /* In settle: a search that is not guided, or only `in_part` of the picture, has no use for lines.

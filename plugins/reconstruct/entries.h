@@ -11,7 +11,7 @@
 #include "scan.h"
 #include "shift.h"
 
-enum { ESTABLISHED = 10 }; /* views after which a line is no accident */
+enum { ESTABLISHED = 10 }; /* views, or frames, after which a line is no accident */
 
 typedef struct entry {
     bool tracked;         /* by a track that is alive */
@@ -22,7 +22,8 @@ typedef struct entry {
     bool judged;          /* whether to split it, for the end */
     double contradiction; /* chi-square; see line_contradiction */
     uint32_t next_merge;  /* when the line has seen so many views */
-    uint32_t at;          /* `frames` when it was last seen, */
+    uint32_t since;       /* `frames` when it began */
+    uint32_t at;          /* and when it was last seen, */
     double stretch[2][3]; /* and from where to where on the line, mm */
     double residual;      /* of this frame's view; 0: none */
     double before;        /* of the frame before */

@@ -92,6 +92,7 @@ static entry *begin(scan *s, int32_t track) {
     entry *e = s->alive[s->n++];
     line_begin(&e->l, track);
     entry_prepare(s, e, track);
+    e->since = s->frames;
     e->l.next_fit = (uint32_t)s->p.min_views; /* nothing is told of it before */
     return e;
 }
@@ -278,7 +279,7 @@ static void retire(scan *s) {
         entry *e = s->alive[i];
         if (e->tracked || e->leaving || e->out.state == ARRIS_MEASURED)
             continue;
-        if (e->l.seen < ESTABLISHED)
+        if (e->at - e->since + 1 < ESTABLISHED)
             entry_leave(e, ARRIS_RETIRED, -1);
         else if (!least || e->l.seen < least->l.seen)
             least = e;

@@ -145,14 +145,3 @@ void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arr
     c->faint = FAINT * e->noise;
     (HAS_AVX2 ? fill_avx2 : fill_portable)(c, e, width, height, camera ? &from : NULL);
 }
-
-static void set(uint64_t *bits, size_t stride, unsigned line, unsigned at) {
-    bits[line * stride + at / 64 + 1] |= (uint64_t)1 << at % 64;
-}
-
-void crowd_add(crowd *c, float x, float y, float gradient) {
-    unsigned at = (unsigned)(int)(x + 0.5f), line = (unsigned)(int)(y + 0.5f);
-    size_t plane = gradient < c->faint ? c->to_faint : 0;
-    set(c->bits[0] + plane, c->stride[0], line, at);
-    set(c->bits[1] + plane, c->stride[1], at, line);
-}

@@ -30,9 +30,6 @@ void crowd_free(crowd *c);
  * outside of it are ignored. The lens of `camera` maps ideal points to the picture; NULL: none. */
 void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *camera);
 
-/* Adds a point of the picture of this gradient, levels per px. */
-void crowd_add(crowd *c, float x, float y, float gradient);
-
 enum { CROWD_FIRST = 64 - CROWD_REACH };
 
 /* The bytes of all rows (of all columns when `columns`), one after another: how many a row takes,

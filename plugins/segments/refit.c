@@ -82,11 +82,8 @@ void refitter_look(refitter *f, const arris_image *image, const arris_edges *edg
                    const arris_camera *lens) {
     f->rows.image = image;
     f->rows.lens = lens;
-    crowd_fill(&f->crowd, edges, image->width, image->height, lens);
-}
-
-void refitter_add(refitter *f, float x, float y, float gradient) {
-    crowd_add(&f->crowd, x, y, gradient);
+    if (edges)
+        crowd_fill(&f->crowd, edges, image->width, image->height, lens);
 }
 
 void refitter_set_lens(refitter *f, const arris_camera *lens) {
@@ -336,6 +333,7 @@ bool refit(refitter *f, const refit_start *start, arris_segment *out) {
                .noise = known ? start->noise : ROUNDING};
     double moved = 0;
     f->rows.whole = start->whole;
+    f->rows.moved[0] = (int)lrint(start->dx), f->rows.moved[1] = (int)lrint(start->dy);
     f->rows.clear_only = WEAK * start->gradient >= (double)f->crowd.faint;
     for (int k = 0; k < MAX_PASSES; k++) {
         if (!improve(f, &s, start->gradient))

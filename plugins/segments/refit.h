@@ -12,6 +12,7 @@ typedef struct refit_start {
     double gradient;       /* mean of the smoothed picture's across the line, levels per px */
     double noise;          /* sigma of one pixel, levels; 0: from what the fit leaves */
     bool whole;            /* the ends are the edge's own; else `edges` lost it there */
+    double dx, dy; /* px that it has moved in the picture since the edge points were found */
 } refit_start;
 
 typedef struct refitter refitter;
@@ -21,12 +22,10 @@ refitter *refitter_new(int width, int height);
 void refitter_free(refitter *f); /* NULL is allowed */
 
 /* The picture of all lines until the next call; it must stay. `lens` maps the lines' coordinates
- * and those of the edge points to the picture's, NULL: they are the same. */
+ * and those of the edge points to the picture's, NULL: they are the same. Without `edges` those of
+ * the call before tell what is beside the lines. */
 void refitter_look(refitter *f, const arris_image *image, const arris_edges *edges,
                    const arris_camera *lens);
-
-/* Another edge point of the picture, px in it, and its gradient in the smoothed picture. */
-void refitter_add(refitter *f, float x, float y, float gradient);
 
 /* The lens of the lines that follow. */
 void refitter_set_lens(refitter *f, const arris_camera *lens);

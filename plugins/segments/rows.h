@@ -39,6 +39,7 @@ typedef struct row_sums {
 typedef struct rows {
     const step_table *steps;
     const crowd *crowd;
+    int moved[2]; /* px in x and y that the line has moved since it was filled */
     const arris_image *image;
     const arris_camera *lens; /* NULL: the line's coordinates are the picture's */
     bool clear_only;          /* faint points are no neighbours */

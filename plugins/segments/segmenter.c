@@ -31,8 +31,9 @@ struct segmenter {
     uint32_t *corner;      /* of one chain */
     arris_edge_point *raw; /* one chain, rounded to pixels */
     refitter *refitter;
-    follower *follower;
-    const arris_guide *guide;
+    support support;
+    const arris_guide *guide; /* of frame number */
+    uint64_t frame, searched; /* searched: the last one with edges */
 };
 
 size_t segmenter_max(int width, int height) {
@@ -54,9 +55,9 @@ segmenter *segmenter_new(int width, int height, const segmenter_params *p) {
     s->corner = malloc(s->max_chain * sizeof *s->corner);
     s->raw = p->mode == SEGMENTER_THESIS ? malloc(s->max_chain * sizeof *s->raw) : NULL;
     s->refitter = refitter_new(width, height);
-    s->follower = follower_new(width, height);
-    if (!s->refitter || !s->follower || !s->pieces || !s->nodes || !s->corner ||
-        (p->mode == SEGMENTER_THESIS && !s->raw)) {
+    s->searched = UINT64_MAX;
+    if (support_init(&s->support, width, height) || !s->refitter || !s->pieces || !s->nodes ||
+        !s->corner || (p->mode == SEGMENTER_THESIS && !s->raw)) {
         segmenter_free(s);
         return NULL;
     }
@@ -67,7 +68,7 @@ void segmenter_free(segmenter *s) {
     if (!s)
         return;
     refitter_free(s->refitter);
-    follower_free(s->follower);
+    support_free(&s->support);
     free(s->pieces);
     free(s->nodes);
     free(s->corner);
@@ -79,8 +80,9 @@ void segmenter_portable(segmenter *s) {
     refitter_portable(s->refitter);
 }
 
-void segmenter_guide(segmenter *s, const arris_guide *guide) {
+void segmenter_guide(segmenter *s, const arris_guide *guide, uint64_t frame) {
     s->guide = guide;
+    s->frame = frame;
 }
 
 /* ---- pieces --------------------------------------------------------------------------------- */
@@ -164,12 +166,15 @@ static bool look(const segmenter *s, const arris_edges *edges, const arris_image
 static void measure(segmenter *s, const piece *p, float noise, bool look, arris_segments *out) {
     double dx = p->x2 - p->x1, dy = p->y2 - p->y1, length = sqrt(dx * dx + dy * dy);
     arris_segment found;
-    if (!(length >= s->p.min_length) || follow_has(out, p->x1, p->y1, p->x2, p->y2))
+    if (!(length >= s->p.min_length))
         return;
     if (look) {
-        refit_start start = {
-            p->x1,         p->y1, p->x2, p->y2, (p->gy * p->dx - p->gx * p->dy) / p->n,
-            (double)noise, false};
+        refit_start start = {.x1 = p->x1,
+                             .y1 = p->y1,
+                             .x2 = p->x2,
+                             .y2 = p->y2,
+                             .gradient = (p->gy * p->dx - p->gx * p->dy) / p->n,
+                             .noise = (double)noise};
         if (!refit(s->refitter, &start, &found))
             return;
     } else {
@@ -184,17 +189,22 @@ static void measure(segmenter *s, const piece *p, float noise, bool look, arris_
 
 void segmenter_run(segmenter *s, const arris_edges *edges, const arris_image *image,
                    arris_segments *out) {
-    find_pieces(s, edges);
     const arris_camera *lens;
-    bool seen = look(s, edges, image, &lens);
-    out->n = 0;
-    out->lost = s->lost;
+    bool seen = look(s, edges, image, &lens), guided = s->guide && s->guide->n > 0;
+    out->n = out->lost = 0;
     out->camera = edges->camera;
+    if (guided && s->guide->searched != s->searched)
+        return; /* nobody knows what is beside the lines */
     if (seen)
-        refitter_look(s->refitter, image, edges, lens);
-    if (seen && s->guide && s->guide->n > 0)
-        follow(s->follower, s->guide, image, edges->camera, (double)edges->noise, s->p.min_length,
+        refitter_look(s->refitter, image, guided ? NULL : edges, lens);
+    if (seen && guided)
+        follow(&s->support, s->guide, image, edges->camera, (double)edges->noise, s->p.min_length,
                s->refitter, out);
+    if (guided)
+        return;
+    s->searched = s->frame;
+    find_pieces(s, edges);
+    out->lost = s->lost;
     refitter_set_lens(s->refitter, lens);
     for (uint32_t i = 0; i < s->n; i++)
         if (!s->pieces[i].gone)

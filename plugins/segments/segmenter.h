@@ -38,8 +38,9 @@ void segmenter_free(segmenter *s); /* NULL is allowed */
 /* For tests: leaves out what only some machines have. */
 void segmenter_portable(segmenter *s);
 
-/* The next run also looks in the picture for these lines, which the edges may lack. NULL: none. */
-void segmenter_guide(segmenter *s, const arris_guide *guide);
+/* The next run is of this frame, and looks in the picture for these lines only; NULL or none: its
+ * edges are given. */
+void segmenter_guide(segmenter *s, const arris_guide *guide, uint64_t frame);
 
 /* The segments of `edges` into `out`, whose array and capacity the caller has set; the rest of
  * `out` is overwritten. `image` is what the edges are from, of a size that segmenter_new knew, or

@@ -46,7 +46,7 @@ static int process(arris_stage *s, void *self, arris_frame *f) {
     const arris_image *image =
         g->p.mode == SEGMENTER_REFIT ? arris_layer_get(f, ARRIS_IMAGE) : NULL;
     arris_segments *out = arris_layer_give(s, f, ARRIS_SEGMENTS);
-    segmenter_guide(g->segmenter, arris_layer_get(f, ARRIS_GUIDE));
+    segmenter_guide(g->segmenter, arris_layer_get(f, ARRIS_GUIDE), arris_frame_seq(f));
     segmenter_run(g->segmenter, arris_layer_get(f, ARRIS_EDGES), image, out);
     if (out->lost)
         arris_count(s, "segments lost", out->lost);

@@ -134,14 +134,20 @@ INLINE void look_at(const uint8_t *bits, const eight_ints *byte, eight_ints *aro
     }
 }
 
-/* The points around the line. */
+/* The points around the line, which were where it was then. */
 INLINE void look_around(const rows *r, eight_rows *e) {
     const uint8_t *bits[2];
     size_t stride;
-    eight_ints at = e->before - (e->part > 0.5f), bit, byte;
+    const eight_ints zero = {0};
+    int width = r->columns ? r->image->height : r->image->width;
+    int lines = r->columns ? r->image->width : r->image->height;
+    eight_ints at = e->before - (e->part > 0.5f) - r->moved[r->columns], bit, byte;
+    eight_ints line = e->line - r->moved[!r->columns];
+    at = EIGHT_MOST(EIGHT_LEAST(at, zero + (width - 1)), zero);
+    line = EIGHT_MOST(EIGHT_LEAST(line, zero + (lines - 1)), zero);
     crowd_view(r->crowd, r->columns, bits, &stride);
     bit = at + CROWD_FIRST;
-    byte = e->line * (int32_t)stride + (bit >> 3);
+    byte = line * (int32_t)stride + (bit >> 3);
     e->around = (eight_ints){0};
     look_at(bits[0], &byte, &e->around);
     if (!r->clear_only)
