@@ -10,8 +10,9 @@
 
 static const double GATE = 14;      /* chi-square of 2 degrees of freedom: one in a thousand */
 static const double FAR = 3;        /* px: a segment so far off is another edge's */
-static const double MOVED = 0.25;   /* squared sigmas after which all is linearised anew */
-static const double STANDS = 1e-4;  /* a step of fewer squared sigmas is the last one */
+static const double MOVED = 1;      /* squared sigmas after which all is linearised anew */
+static const double STANDS = 1e-4;  /* a step of fewer squared sigmas is the last one; */
+static const double RUNS = 1e-2;    /* likewise, as long as views come */
 static const double SWING = 5;      /* px of parallax: with less it is not observable */
 static const double ALONG = 0.0140; /* rad: nor when the camera moves this near its direction */
 static const double PARALLAX = 0.1; /* nor with a sigma above this share of its distance */
@@ -186,9 +187,9 @@ info line_past(const line *l, const scene *s) {
 }
 
 /* Sums past and kept views, linearised about l->x. */
-static void gather(line *l, const scene *s) {
+static void gather(line *l, const scene *s, const info *past) {
     linears r;
-    l->all = line_past(l, s);
+    l->all = *past;
     for (uint32_t i = 0; i < l->n_kept; i += VIEWS) {
         uint32_t n = l->n_kept - i < VIEWS ? l->n_kept - i : VIEWS;
         bool take[VIEWS] = {false};
@@ -203,31 +204,40 @@ static void gather(line *l, const scene *s) {
     memcpy(l->at, l->x, sizeof l->at);
 }
 
-void line_refine(line *l, const scene *s) {
-    double moved = 1;
-    uint32_t n_past = line_past(l, s).n;
-    if (n_past == 0)
+/* Repeats Gauss-Newton until a step is shorter than `stands` squared sigmas. */
+static void refine(line *l, const scene *s, double stands) {
+    double moved = (double)INFINITY;
+    info past = line_past(l, s);
+    if (past.n == 0)
         line_reframe(l);
-    for (int i = 0; i < ITERATIONS && moved > STANDS; i++) {
-        gather(l, s);
+    for (int i = 0; i < ITERATIONS && moved > stands; i++) {
+        gather(l, s, &past);
         moved = step(l, s);
     }
-    if (n_past == 0)
+    if (past.n == 0)
         measure_motion(l);
-    l->settled = l->settled && 2 * (l->all.n - n_past) > l->n_kept;
+    l->settled = l->settled && 2 * (l->all.n - past.n) > l->n_kept;
+}
+
+void line_refine(line *l, const scene *s) {
+    refine(l, s, STANDS);
 }
 
 static void survey(line *l, const scene *s) {
     info group[LINE_KEPT];
     mat4 C;
     line_trim(l);
-    line_groups(l, s, group);
-    l->drift = line_disagreement(group, l->n_kept, l->scale * memory(s), &C);
-    l->next_survey = l->seen + 1 + l->seen / 8;
+    l->drift = 0;
+    if (l->settled) {
+        line_groups(l, s, group);
+        l->drift = line_disagreement(group, l->n_kept, l->scale * memory(s), &C);
+    }
+    l->next_survey = l->seen + 1 + l->seen / 4;
 }
 
 void line_weigh(line *l, const scene *s) {
-    gather(l, s);
+    info past = line_past(l, s);
+    gather(l, s, &past);
     l->scale = fmax(residual_scale(l, s), 1);
     survey(l, s);
 }
@@ -259,7 +269,7 @@ static void fit_from_start(line *l, const scene *s) {
     memset(l->rest, 0, l->n_kept * sizeof *l->rest);
     memset(l->x, 0, sizeof l->x);
     l->ends[0] = -1, l->ends[1] = 1;
-    line_refine(l, s);
+    refine(l, s, RUNS);
 }
 
 /* Whether the planes of the views turn about the line by enough to see where it is, as far as noise
@@ -285,7 +295,7 @@ static bool fit_anew(line *l, const scene *s) {
     if (!line_observable(l))
         return false;
     line_trim(l); /* the start may be far off */
-    line_refine(l, s);
+    refine(l, s, RUNS);
     return line_observable(l);
 }
 
@@ -352,7 +362,7 @@ static bool update(line *l, const view *v, int kept, const scene *s, linear *r) 
     for (int i = 0; i < 4; i++)
         d[i] = l->x[i] - l->at[i];
     if (mat4_form(&l->all.H, d, d) > MOVED * l->scale)
-        line_refine(l, s);
+        refine(l, s, RUNS);
     return true;
 }
 
@@ -371,8 +381,10 @@ bool line_add(line *l, const view *v, const scene *s, linear *r) {
     bool taken = l->settled && update(l, v, kept, s, r);
     if (!l->settled && l->seen >= l->next_fit)
         line_fit(l, s);
-    if (l->settled && l->seen >= l->next_survey)
+    if (l->settled && l->seen >= l->next_survey) {
+        refine(l, s, RUNS);
         survey(l, s);
+    }
     return taken;
 }
 
@@ -387,10 +399,12 @@ void line_complete(line *l, const scene *s) {
 
 void line_absorb(line *a, const line *b, const scene *s) {
     linear r;
+    a->next_fit = a->next_survey = UINT32_MAX; /* once is enough */
     for (uint32_t i = 0; i < b->n_kept; i++) {
         view v = b->kept[i];
         line_align(a, &v);
         line_add(a, &v, s, &r);
     }
+    a->next_fit = a->seen;
     line_complete(a, s);
 }

@@ -117,11 +117,15 @@ void line_guess(line *l, const scene *s) {
 
 /* Whether most views run against the estimate: as it moved, its ends went past each other. */
 static bool runs_against(const line *l) {
+    double M[3], D[3], ahead[3];
     int against = 0;
+    frame_line(&l->f, l->x, M, D);
     for (uint32_t i = 0; i < l->n_kept; i++) {
-        double s[2];
-        view_ends(&l->kept[i], &l->f, l->x, s);
-        against += (s[0] > s[1]) - (s[0] < s[1]);
+        const view *v = &l->kept[i];
+        double depth = arris_dot(v->axis, D);
+        for (int k = 0; k < 3; k++)
+            ahead[k] = D[k] - depth * v->ray[k];
+        against += arris_dot(ahead, v->step) < 0 ? 1 : -1;
     }
     return against > 0;
 }
