@@ -6,7 +6,7 @@
 
 #include <math.h>
 
-#include "lanes.h"
+#include "lane.h"
 
 /* A value for each parameter. */
 typedef double each __attribute__((vector_size(32), aligned(8), may_alias));

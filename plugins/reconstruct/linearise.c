@@ -2,48 +2,15 @@
  *
  * linearise.c: how views bear on a line's parameters (view.h), four views at once.
  */
-#include "view.h"
-
 #include <math.h>
 #include <stddef.h>
-#include <string.h>
 
-#include "lanes.h"
+#include "lane.h"
 
-_Static_assert(VIEWS == 4 && offsetof(view, half) == 15 * sizeof(double) &&
+_Static_assert(offsetof(view, half) == 15 * sizeof(double) &&
                    offsetof(view, misfit) == offsetof(view, cov) + 3 * sizeof(double) &&
                    offsetof(view, left) == offsetof(view, shift) + 3 * sizeof(double),
                "views are loaded in blocks of four numbers");
-
-/* Four successive numbers of each view. */
-INLINE void load(const view *const v[VIEWS], size_t offset, lane to[4]) {
-    lane a[4], b[4];
-    for (int k = 0; k < VIEWS; k++)
-        memcpy(&a[k], (const char *)v[k] + offset, sizeof a[k]);
-    for (int k = 0; k < VIEWS; k += 2) {
-        b[k] = __builtin_shufflevector(a[k], a[k + 1], 0, 4, 2, 6);
-        b[k + 1] = __builtin_shufflevector(a[k], a[k + 1], 1, 5, 3, 7);
-    }
-    for (int k = 0; k < 2; k++) {
-        to[k] = __builtin_shufflevector(b[k], b[k + 2], 0, 1, 4, 5);
-        to[k + 2] = __builtin_shufflevector(b[k], b[k + 2], 2, 3, 6, 7);
-    }
-}
-
-/* Of fixed vectors and of those of each view. */
-#define DOT(a, b) ((a)[0] * (b)[0] + (a)[1] * (b)[1] + (a)[2] * (b)[2])
-
-INLINE void cross_fixed(const double a[3], const lane b[3], lane c[3]) {
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-INLINE void cross(const lane a[3], const lane b[3], lane c[3]) {
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
 
 /* The numbers of the views: as they lie in a view, from where in `all`. */
 enum { CENTRE = 0, AXIS = 3, RAY = 6, STEP = 9, PLANE = 12, HALF = 15, MISFIT = 3, LEFT = 3 };
@@ -54,13 +21,13 @@ typedef struct views {
 
 INLINE void load_views(const view *const v[VIEWS], const pose_noise *noise, views *u) {
     for (size_t k = 0; k < 16; k += 4)
-        load(v, k * sizeof(double), u->all + k);
-    load(v, offsetof(view, cov), u->cov);
+        lane_load(v, k * sizeof(double), u->all + k);
+    lane_load(v, offsetof(view, cov), u->cov);
     u->steep = DOT(u->all + PLANE, u->all + PLANE);
     u->shift[LEFT] = (lane){1, 1, 1, 1};
     if (!noise->corrected)
         return;
-    load(v, offsetof(view, shift), u->shift);
+    lane_load(v, offsetof(view, shift), u->shift);
     for (int i = 0; i < 3; i++)
         u->all[CENTRE + i] += u->shift[i];
 }

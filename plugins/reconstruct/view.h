@@ -60,10 +60,6 @@ typedef struct linears {
     double distance[VIEWS];
 } linears;
 
-/* A value of *linears for each view, and its bits. */
-typedef double lane __attribute__((vector_size(32), aligned(8), may_alias));
-typedef int64_t lane_bits __attribute__((vector_size(32), aligned(8), may_alias));
-
 #define VIEW_PARALLEL 1e-18 /* sin² of the angle at which one looks along a line */
 
 /* The view of a segment in pixels of the camera `c`, whose lens is taken out of them when it
