@@ -28,6 +28,8 @@ typedef struct entry {
     double residual;      /* of this frame's view; 0: none */
     double before;        /* of the frame before */
     double told[6];       /* the ends when they were last said to have moved */
+    uint32_t told_fit;    /* l.next_fit then, by which fits are told apart */
+    struct entry *into;   /* that it was merged into: its tracks go on as that one's */
     arris_line out;
     line l; /* last: it is large, and the rest is asked every frame */
 } entry;

@@ -16,6 +16,7 @@ static const double FAR = 0.05;       /* of the distance, that the camera must h
 static const double SLANT = 0.05;     /* rad: and within this of the line's direction */
 static const double SHARE = 0.8;      /* of a line's views that another line must explain */
 static const double INDISTINCT = 0.2; /* px: nearer than this, edges are not told apart */
+static const double ASIDE = 10;       /* px: what is seen farther off is not looked at again */
 
 /* The places on l of two points, and their offsets along l's a and b. */
 static void place_on(const line *l, double P[2][3], double place[2], double offset[4]) {
@@ -61,11 +62,23 @@ static bool near(const double offset[4], double limit, bool depth) {
     return hypot(a, offset[1]) < limit && hypot(b, offset[3]) < limit;
 }
 
+/* How far a line reaches from f.X, mm. */
+static double reach(const line *l) {
+    return l->f.h * fmax(fabs(l->ends[0]), fabs(l->ends[1]));
+}
+
+/* Whether settled lines cannot be the same, wherever in their reach they are. */
+static bool far_apart(const line *a, const line *b) {
+    double d[3] = {b->f.X[0] - a->f.X[0], b->f.X[1] - a->f.X[1], b->f.X[2] - a->f.X[2]};
+    double most = NEAR * a->depth + GAP * fmax(a->pixel[0], a->pixel[1]) + reach(a) + reach(b);
+    return a->settled && arris_dot(d, d) > most * most;
+}
+
 bool line_same(const line *a, const line *b, const scene *s, bool turned) {
     double P[2][3], place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]};
     if (a->parted || b->parted) /* it was told apart when its uncertainty was its own */
         return false;
-    if (fabs(arris_dot(a->f.u, b->f.u)) < COS_APART)
+    if (arris_dot(a->f.u, b->f.u) * (turned ? -1 : 1) < COS_APART || far_apart(a, b))
         return false;
     if (turned && arris_dot(a->kept[a->n_kept - 1].step, b->kept[b->n_kept - 1].step) > 0)
         return false; /* an estimate is, the edge is not */
@@ -105,11 +118,26 @@ static uint32_t missed_by(const line *a, const view *v, uint32_t n, uint32_t str
     return missed;
 }
 
+/* Whether the whole line is on one side of what the view saw. */
+static bool passes_by(const line *a, const view *v) {
+    int left = 0, right = 0;
+    for (int end = 0; end < 2; end++) {
+        double P[3];
+        frame_point(&a->f, a->x, a->ends[end], P);
+        for (int i = 0; i < 3; i++)
+            P[i] -= v->C[i];
+        double limit = ASIDE * arris_dot(v->axis, P), off = arris_dot(v->plane, P);
+        left += limit > 0 && off < -limit;
+        right += limit > 0 && off > limit;
+    }
+    return left == 2 || right == 2;
+}
+
 bool line_explains(const line *a, const line *b, const scene *s) {
     uint32_t missed = 0, n = b->n_kept;
     double moved = line_baseline(b), swing = b->swing[1] - b->swing[0];
     double pixel = sqrt(arris_dot(b->kept[0].step, b->kept[0].step)); /* rad */
-    if (moved < FAR * a->depth || swing * a->depth > SLANT * moved)
+    if (moved < FAR * a->depth || swing * a->depth > SLANT * moved || passes_by(a, &b->kept[n / 2]))
         return false;
     double may_miss = (1 - SHARE) * n;
     if (missed_by(a, b->kept, 3, (n - 1) / 2, pixel, s) == 3) /* mostly three views tell */

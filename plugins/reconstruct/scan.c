@@ -132,6 +132,8 @@ void scan_expect(const scan *s, int32_t track, bool next) {
 
 void scan_add(scan *s, int32_t track, view *v) {
     entry *e = find_before(s, track)->e;
+    while (e && e->into)
+        e = e->into;
     if (s->linked > s->mask / 2) {
         s->refused++;
         return;
@@ -189,8 +191,10 @@ static bool moved(const entry *e) {
 
 static void tell(scan *s, entry *e) {
     arris_line out = e->out;
-    if (e->l.all.n < (uint32_t)s->p.min_views)
+    bool fitted = !e->listed || e->told_fit != e->l.next_fit;
+    if (e->l.all.n < (uint32_t)s->p.min_views || !(e->l.settled || fitted))
         return;
+    e->told_fit = e->l.next_fit;
     if (!line_report(&e->l, &s->scene, s->p.limit, &out)) {
         out = e->out; /* as far as it was told before */
         out.state = ARRIS_UNOBSERVABLE;
@@ -342,6 +346,7 @@ void scan_finish(scan *s) {
             line_weigh(&e->l, &s->scene);
         if (e->l.settled && s->scene.noise.corrected)
             e->l.common = path_covariance(s->path, &e->l, &s->scene);
+        e->out.change = ARRIS_SAME;
         tell(s, e);
     }
 }

@@ -15,15 +15,8 @@ static const double WORST = 0.9; /* of the most */
 
 /* ---- merging -------------------------------------------------------------------------------- */
 
-/* The tracks of `from` go on as those of `to`. */
-static void relink(scan *s, const entry *from, entry *to) {
-    for (uint32_t i = 0; i <= s->mask; i++)
-        if (s->now[i].e == from)
-            s->now[i].e = to;
-}
-
 /* b becomes part of a. The views of the one that is settled are the better start. */
-static void merge(scan *s, entry *a, entry *b) {
+static void merge(const scan *s, entry *a, entry *b) {
     if (b->l.settled && !a->l.settled) {
         line swap = a->l;
         a->l = b->l;
@@ -33,7 +26,7 @@ static void merge(scan *s, entry *a, entry *b) {
     line_absorb(&a->l, &b->l, &s->scene);
     a->tracked |= b->tracked;
     a->changed = true;
-    relink(s, b, a);
+    b->into = a;
     entry_leave(b, ARRIS_MERGED, a->out.id);
 }
 
@@ -60,7 +53,7 @@ static bool same_edge(const scan *s, const entry *a, const entry *b) {
 }
 
 /* Merges the line with each that is the same edge, into the older one. */
-static void merge_with_others(scan *s, uint32_t index) {
+static void merge_with_others(const scan *s, uint32_t index) {
     entry *e = s->alive[index];
     e->next_merge = e->l.seen + 1 + e->l.seen / 4;
     for (uint32_t i = 0; i < s->n && !e->leaving; i++) {
