@@ -77,6 +77,11 @@ static void add_track(arris_stage *s, struct reconstruct *r, const arris_track *
     scan_add(r->scan, t->id, seen ? &v : NULL);
 }
 
+static void expect(const struct reconstruct *r, const arris_tracks *tracks, uint32_t i, bool next) {
+    if (i < tracks->n && tracks->item[i].segment >= 0)
+        scan_expect(r->scan, tracks->item[i].id, next);
+}
+
 static void skip_frame(arris_stage *s, struct reconstruct *r) {
     arris_count(s, "without pose", 1);
     if (!r->warned)
@@ -92,10 +97,8 @@ static int process(arris_stage *s, void *self, arris_frame *f) {
     if (!pose->valid)
         skip_frame(s, r);
     for (uint32_t i = 0; i < tracks->n; i++) {
-        if (i + AHEAD < tracks->n)
-            scan_expect(r->scan, tracks->item[i + AHEAD].id, false);
-        if (i + 1 < tracks->n)
-            scan_expect(r->scan, tracks->item[i + 1].id, true);
+        expect(r, tracks, i + AHEAD, false);
+        expect(r, tracks, i + 1, true);
         if (pose->valid)
             add_track(s, r, &tracks->item[i], segments, pose);
         else

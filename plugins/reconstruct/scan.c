@@ -5,13 +5,25 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
 #include "entries.h"
 
+#define LARGE_PAGE ((size_t)1 << 21)
 enum { SHIFTS = 4096 };                   /* frames whose poses are corrected apart */
 static const double CHANGED = 0.3;        /* relative, of the noise's variance */
 static const double INDISTINCT = 1e-5;    /* of the depth: less of it does not show */
 static const double TYPICAL_DEPTH = 1000; /* mm, until a line is measured */
+
+/* Room for so many lines, in large pages where there are any: a line is large, few of them are ever
+ * touched, and those in many places. */
+static entry *pool_new(size_t n) {
+    size_t size = (n * sizeof(entry) + LARGE_PAGE - 1) / LARGE_PAGE * LARGE_PAGE;
+    entry *pool = aligned_alloc(LARGE_PAGE, size);
+    if (pool)
+        madvise(pool, size, MADV_HUGEPAGE);
+    return pool;
+}
 
 scan *scan_new(const scan_params *p) {
     scan *s = calloc(1, sizeof *s);
@@ -29,7 +41,7 @@ scan *scan_new(const scan_params *p) {
     s->weighted = p->pose_sigma;
     s->newest = -1;
     s->turn = 2; /* no place has it yet, nor the one before */
-    s->pool = calloc(n, sizeof *s->pool);
+    s->pool = pool_new(n);
     s->alive = calloc(n, sizeof(entry *));
     s->now = calloc(places, sizeof(link));
     s->before = calloc(places, sizeof(link));
