@@ -179,7 +179,7 @@ static bool agrees(const line *l, double distance, double r0, double r1) {
 
 info line_past(const line *l, const scene *s) {
     info sum = {0};
-    for (uint32_t i = 0; i < l->n_kept; i++)
+    for (uint32_t i = 0; i < l->n_kept && l->stride > 1; i++)
         if (l->rest[i].n > 0)
             info_sum(&sum, &l->rest[i]);
     info_weigh(&sum, line_rest_weight(l, s));
@@ -266,22 +266,24 @@ void line_resume(line *l, const scene *s, const double x[4]) {
 
 /* Refines the estimate from l->f on. */
 static void fit_from_start(line *l, const scene *s) {
-    memset(l->rest, 0, l->n_kept * sizeof *l->rest);
+    if (l->stride > 1)
+        memset(l->rest, 0, l->n_kept * sizeof *l->rest);
     memset(l->x, 0, sizeof l->x);
     l->ends[0] = -1, l->ends[1] = 1;
     refine(l, s, RUNS);
 }
 
 /* Whether the planes of the views turn about the line by enough to see where it is, as far as noise
- * and outliers let that be told beforehand. */
-static bool may_be_observable(const line *l) {
-    const double *p = l->kept[0].plane;
-    double least = SWING * SWING / 16;
-    for (uint32_t i = 1; i < l->n_kept; i++) {
-        const double *q = l->kept[i].plane;
-        double n[3];
-        arris_cross(p, q, n);
-        if (arris_dot(n, n) > least * arris_dot(q, q))
+ * and outliers let that be told beforehand: by themselves, and since the camera moved across the
+ * first of them, at the distance of the nearest line that there may be. */
+static bool may_be_observable(const line *l, const scene *s) {
+    const view *v = l->kept;
+    double least = SWING * SWING / 16, moves = SWING * s->nearest;
+    for (const view *w = v + 1; w < v + l->n_kept; w++) {
+        double n[3], d[3] = {w->C[0] - v->C[0], w->C[1] - v->C[1], w->C[2] - v->C[2]};
+        arris_cross(v->plane, w->plane, n);
+        if (arris_dot(n, n) > least * arris_dot(w->plane, w->plane) &&
+            fabs(arris_dot(v->plane, d)) >= moves)
             return true;
     }
     return false;
@@ -289,7 +291,7 @@ static bool may_be_observable(const line *l) {
 
 /* Fits the line where nothing but a start is known. False when it is not observable. */
 static bool fit_anew(line *l, const scene *s) {
-    if (!may_be_observable(l) || !line_start(l, s))
+    if (!may_be_observable(l, s) || !line_start(l, s))
         return false;
     fit_from_start(l, s);
     if (!line_observable(l))

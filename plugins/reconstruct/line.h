@@ -26,6 +26,7 @@ typedef struct scene {
                        * its own is not, and that is in other lines' views, too; 0: they are not */
     double S[9];      /* the covariance of the positions then, mm² */
     double depth;     /* mm; where a line is looked for as long as nothing is known of its own */
+    double nearest;   /* mm; no line is nearer; 0: unknown */
 } scene;
 
 typedef struct line {

@@ -14,6 +14,7 @@ enum { SHIFTS = 4096 };                   /* frames whose poses are corrected ap
 static const double CHANGED = 0.3;        /* relative, of the noise's variance */
 static const double INDISTINCT = 1e-5;    /* of the depth: less of it does not show */
 static const double TYPICAL_DEPTH = 1000; /* mm, until a line is measured */
+static const double NEAREST = 0.25;       /* of the depth: hardly any line is nearer */
 
 /* Room for so many lines, in large pages where there are any: a line is large, few of them are ever
  * touched, and those in many places. */
@@ -178,7 +179,7 @@ void scan_add(scan *s, int32_t track, view *v) {
 }
 
 bool entry_counts(const scan *s, const entry *e) {
-    return e->l.settled && (!s->any_measured || e->out.state == ARRIS_MEASURED);
+    return (!s->any_measured || e->out.state == ARRIS_MEASURED) && e->l.settled;
 }
 
 void entry_leave(entry *e, enum arris_line_change why, int32_t into) {
@@ -245,6 +246,7 @@ static void update_typical(scan *s) {
     }
     if (n > 0) {
         s->scene.depth = exp(depth / n);
+        s->scene.nearest = NEAREST * s->scene.depth;
         s->scene.scale = exp(scale / n);
     }
 }
