@@ -19,7 +19,7 @@ void line_groups(const line *l, const scene *s, info group[LINE_KEPT]) {
     for (uint32_t i = 0; i < l->n_kept; i++) {
         if (i % VIEWS == 0)
             views_linearise(&l->kept[i], l->n_kept - i, 1, &l->f, l->x, &s->noise, &r);
-        group[i] = l->rest[i];
+        group[i] = l->stride > 1 ? l->rest[i] : (info){0};
         if (group[i].n > 0)
             info_weigh(&group[i], line_rest_weight(l, s));
         if (l->inlier[i] && views_pick(&r, i % VIEWS, &one))

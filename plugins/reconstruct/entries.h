@@ -20,18 +20,18 @@ typedef struct entry {
     bool listed;          /* told of */
     bool leaving;         /* merged or retired; gone with the next frame */
     bool judged;          /* whether to split it, for the end */
-    double contradiction; /* chi-square; see line_contradiction */
     uint32_t next_merge;  /* when the line has seen so many views */
     uint32_t since;       /* `frames` when it began */
-    uint32_t at;          /* and when it was last seen, */
-    double stretch[2][3]; /* and from where to where on the line, mm */
     double residual;      /* of this frame's view; 0: none */
     double before;        /* of the frame before */
-    double told[6];       /* the ends when they were last said to have moved */
+    arris_line out;       /* its beginning is asked every frame, as is what is above */
     uint32_t told_fit;    /* l.next_fit then, by which fits are told apart */
+    double told[6];       /* the ends when they were last said to have moved */
+    double contradiction; /* chi-square; see line_contradiction */
     struct entry *into;   /* that it was merged into: its tracks go on as that one's */
-    arris_line out;
-    line l; /* last: it is large, and the rest is asked every frame */
+    uint32_t at;          /* and when it was last seen, */
+    double stretch[2][3]; /* and from where to where on the line, mm */
+    line l;               /* last: it is large */
 } entry;
 
 typedef struct link {
