@@ -32,6 +32,12 @@ typedef uint8_t bytes __attribute__((vector_size(16)));
 typedef int32_t eight_ints __attribute__((vector_size(32), aligned(16)));
 typedef uint32_t eight_bits __attribute__((vector_size(32), aligned(16)));
 
+/* Eight floats from anywhere, read at once: what is copied in parts cannot be, for a while. */
+INLINE void eight_load(const void *from, eight *to) {
+    typedef float unaligned __attribute__((vector_size(32), aligned(4), may_alias));
+    *to = *(const unaligned *)from;
+}
+
 INLINE float eight_sum(const eight *a) {
     return ((*a)[0] + (*a)[4] + ((*a)[2] + (*a)[6])) + ((*a)[1] + (*a)[5] + ((*a)[3] + (*a)[7]));
 }

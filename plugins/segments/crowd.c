@@ -31,7 +31,8 @@ void crowd_free(crowd *c) {
 /* The coordinates and gradients of LANES points, in some order. */
 INLINE void take_apart(const arris_edge_point *p, eight *x, eight *y, eight *gx, eight *gy) {
     eight in[4], a[4];
-    memcpy(in, p, sizeof in);
+    for (int i = 0; i < 4; i++)
+        eight_load(&p[2 * i], &in[i]);
     for (int i = 0; i < 4; i += 2) {
         a[i] = __builtin_shufflevector(in[i], in[i + 1], 0, 8, 1, 9, 4, 12, 5, 13);
         a[i + 1] = __builtin_shufflevector(in[i], in[i + 1], 2, 10, 3, 11, 6, 14, 7, 15);

@@ -72,7 +72,8 @@ INLINE void transpose(two_rows *v) {
                                                    44, 13, 45, 14, 46, 15, 47, 24, 56, 25, 57, 26,
                                                    58, 27, 59, 28, 60, 29, 61, 30, 62, 31, 63);
         }
-        memcpy(v, t, sizeof t);
+        for (int k = 0; k < 16; k++)
+            v[k] = t[k];
     }
 }
 
@@ -96,10 +97,13 @@ INLINE void block_load(block *b, const arris_image *im, const row_place *q, bool
         bytes half[2];
         memcpy(&half[0], p, sizeof half[0]);
         memcpy(&half[1], p + BLOCK_LINES * im->stride, sizeof half[1]);
-        memcpy(&v[i], half, sizeof half);
+        v[i] = __builtin_shufflevector(half[0], half[1], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12,
+                                       13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27,
+                                       28, 29, 30, 31);
     }
     transpose(v);
-    memcpy(b->column, v, sizeof v);
+    for (int i = 0; i < BLOCK_LINES; i++)
+        memcpy(b->column[i], &v[i], sizeof v[i]);
 }
 
 __attribute__((noinline)) static void load_portable(block *b, const arris_image *im,

@@ -217,7 +217,8 @@ INLINE void keep(rows *r, const eight_rows *e) {
     eight_ints where = e->line + (e->before + 1) * 65536, how = e->half + e->filter * 256, two[2];
     two[0] = __builtin_shufflevector(where, how, 0, 8, 1, 9, 2, 10, 3, 11);
     two[1] = __builtin_shufflevector(where, how, 4, 12, 5, 13, 6, 14, 7, 15);
-    memcpy(place, two, sizeof two); /* little-endian, as all our targets are */
+    memcpy(place, &two[0], sizeof two[0]); /* little-endian, as all our targets are */
+    memcpy(place + LANES / 2, &two[1], sizeof two[1]);
     memcpy(t, &e->t, sizeof e->t);
     memcpy(across, &e->across, sizeof e->across);
     memcpy(shift, &e->shift, sizeof e->shift);
