@@ -11,17 +11,19 @@
 
 typedef struct lens {
     float fx, fy, skew, cx, cy; /* px */
+    float per_fx, per_fy;
     float k1, k2, k3, p1, p2;
 } lens;
 
 static inline lens lens_of(const arris_camera *c) {
-    return (lens){(float)c->fx, (float)c->fy, (float)c->skew, (float)c->cx, (float)c->cy,
-                  (float)c->k1, (float)c->k2, (float)c->k3,   (float)c->p1, (float)c->p2};
+    return (lens){(float)c->fx, (float)c->fy,       (float)c->skew,     (float)c->cx,
+                  (float)c->cy, (float)(1 / c->fx), (float)(1 / c->fy), (float)c->k1,
+                  (float)c->k2, (float)c->k3,       (float)c->p1,       (float)c->p2};
 }
 
 INLINE void lens_normalise(const lens *c, const eight *u, const eight *v, eight *x, eight *y) {
-    *y = (*v - c->cy) / c->fy;
-    *x = (*u - c->cx - c->skew * *y) / c->fx;
+    *y = (*v - c->cy) * c->per_fy;
+    *x = (*u - c->cx - c->skew * *y) * c->per_fx;
 }
 
 /* By how much the normalised point (x, y) is displaced, and the symmetric Jacobian of that. */
