@@ -13,7 +13,7 @@
 #include <immintrin.h>
 #endif
 
-enum { BATCH = EDGELS_BATCH };
+enum { BATCH = EDGELS_BATCH, AHEAD = 8 * BATCH /* edgels that memory is asked for before */ };
 
 typedef float four __attribute__((vector_size(16)));
 typedef int16_t eight_shorts __attribute__((vector_size(16)));
@@ -135,9 +135,12 @@ INLINE void items(const edgel_row *e, int32_t i, edgel *out) {
     memcpy(out, both, sizeof both);
 }
 
-/* Appends the row's edgels to `e`, which has room for BATCH more. */
+/* Appends the row's edgels to `e`, which has room for BATCH more. Where the points are more than the
+ * near caches hold, each line of them would be waited for when it is written. */
 INLINE void append_row(const edgel_row *row, float unit, float x, float y, edgels *e) {
     for (int32_t i = 0; i < row->n; i += BATCH) {
+        for (int k = 0; k < BATCH; k += 4)
+            __builtin_prefetch(e->point + e->n + i + k + AHEAD, 1);
         for (int k = 0; k < BATCH; k += 8)
             items(row, i + k, e->item + e->n + i + k);
         points(row, i, unit, x, y, e->point + e->n + i);

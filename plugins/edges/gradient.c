@@ -244,7 +244,8 @@ static void set_squeeze(gradient *g) {
 int gradient_init(gradient *g, int width, double sigma) {
     *g = (gradient){0};
     set_taps(g, sigma);
-    size_t w = ((size_t)width + 2 * CHUNK) / CHUNK * CHUNK; /* a chunk may reach beyond a row */
+    /* A chunk may reach beyond a row. An odd number of lines: no two rows compete for a set. */
+    size_t w = ((size_t)width + 2 * CHUNK) / CHUNK * CHUNK + LINE;
     int n = 2 * g->radius + 1;
     size_t size = ((size_t)(n + 8) * w + LINE) * sizeof(int16_t);
     int16_t *p = g->memory = aligned_alloc(LINE * sizeof(int16_t), size);
