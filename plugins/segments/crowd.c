@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FAINT 3.5f /* times a pixel's noise, the gradient per px from which a point is not */
+#define CLEAR 3.5f /* times a pixel's noise, the gradient per px from which a point is clear */
 
 static size_t words(int n) {
     return (size_t)n / 64 + 4;
@@ -18,8 +18,8 @@ static size_t words(int n) {
 
 int crowd_init(crowd *c, int width, int height) {
     size_t rows = (size_t)height * words(width), columns = (size_t)width * words(height);
-    c->to_faint = rows + columns;
-    c->bits[0] = malloc(2 * c->to_faint * sizeof(uint64_t));
+    c->to_all = rows + columns;
+    c->bits[0] = malloc(2 * c->to_all * sizeof(uint64_t));
     c->bits[1] = c->bits[0] + rows;
     return c->bits[0] ? 0 : ARRIS_E_MEMORY;
 }
@@ -54,11 +54,11 @@ INLINE void set_points(crowd *c, const arris_edge_point *p, int width, int heigh
     eight_ints in = (x > 0) & (y > 0) & (x < (float)width) & (y < (float)height);
     eight_ints at = __builtin_convertvector((eight)((eight_ints)x & in), eight_ints);
     eight_ints line = __builtin_convertvector((eight)((eight_ints)y & in), eight_ints);
-    eight_ints word = line * (int32_t)c->stride[0] + (at >> 6) + 1;
-    eight_ints faint = gx * gx + gy * gy < c->faint * c->faint;
-    word += faint & (int32_t)c->to_faint;
+    eight_ints bit = line * (int32_t)(64 * c->stride[0]) + at + 64;
+    eight_ints faint = gx * gx + gy * gy < c->clear * c->clear;
+    bit = (bit + (faint & (int32_t)(64 * c->to_all))) & in; /* the first bit where it is outside */
     for (uint32_t k = 0; k < LANES; k++)
-        c->bits[0][word[k]] |= (uint64_t)(in[k] & 1) << (at[k] & 63);
+        c->bits[0][bit[k] >> 6] |= (uint64_t)1 << (bit[k] & 63);
 }
 
 /* Four rows of 64 bits. */
@@ -108,6 +108,13 @@ INLINE void turn_block(crowd *c, size_t plane, int line, int at, int width, int 
         *column = a[k];
 }
 
+/* Adds the clear points to those of all. */
+INLINE void add_clear(crowd *c, int columns, size_t n) {
+    uint64_t *from = c->bits[columns], *to = from + c->to_all;
+    for (size_t i = 0; i < n; i++)
+        to[i] |= from[i];
+}
+
 /* Line by line, as long ones are cleared byte by byte. */
 INLINE void clear(uint64_t *bits, int lines, size_t stride) {
     for (int i = 0; i < lines; i++, bits += stride)
@@ -116,20 +123,26 @@ INLINE void clear(uint64_t *bits, int lines, size_t stride) {
 
 INLINE void fill(crowd *c, const arris_edges *e, int width, int height, const lens *from) {
     c->stride[0] = words(width), c->stride[1] = words(height);
+    size_t rows = height * c->stride[0], columns = width * c->stride[1];
     uint32_t whole = e->n / LANES * LANES;
     arris_edge_point last[LANES];
-    clear(c->bits[0], height, c->stride[0]), clear(c->bits[0] + c->to_faint, height, c->stride[0]);
-    clear(c->bits[1], width, c->stride[1]), clear(c->bits[1] + c->to_faint, width, c->stride[1]);
+    for (size_t plane = 0; plane <= c->to_all; plane += c->to_all) {
+        clear(c->bits[0] + plane, height, c->stride[0]);
+        clear(c->bits[1] + plane, width, c->stride[1]);
+    }
     for (uint32_t i = 0; i < whole; i += LANES)
         set_points(c, e->point + i, width, height, from);
     for (uint32_t k = 0; k < LANES && whole < e->n; k++) /* the first again where there is none */
         last[k] = e->point[whole + (whole + k < e->n ? k : 0)];
     if (whole < e->n)
         set_points(c, last, width, height, from);
-    for (size_t plane = 0; plane <= c->to_faint; plane += c->to_faint)
+    c->bits[0][0] = 0; /* points outside of the picture */
+    for (size_t plane = 0; plane <= c->to_all; plane += c->to_all)
         for (int line = 0; line < height; line += 64)
             for (int at = 0; at < width; at += 64)
                 turn_block(c, plane, line, at, width, height);
+    add_clear(c, 0, rows);
+    add_clear(c, 1, columns);
 }
 
 static void fill_portable(crowd *c, const arris_edges *e, int width, int height, const lens *from) {
@@ -143,6 +156,6 @@ AVX2_PATH static void fill_avx2(crowd *c, const arris_edges *e, int width, int h
 
 void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arris_camera *camera) {
     lens from = camera ? lens_of(camera) : (lens){0};
-    c->faint = FAINT * e->noise;
+    c->clear = CLEAR * e->noise;
     (HAS_AVX2 ? fill_avx2 : fill_portable)(c, e, width, height, camera ? &from : NULL);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later
  *
  * crowd.h: where a picture's edge points are, a bit a pixel, by rows and by columns: tells how near
- * the neighbours of a line are. The faint ones are apart: to a line that is much stronger they do
- * not matter.
+ * the neighbours of a line are. The clear ones are there once more: to a line that is much stronger
+ * the faint ones do not matter.
  */
 #ifndef CROWD_H
 #define CROWD_H
@@ -17,9 +17,9 @@ enum { CROWD_REACH = 12 }; /* px */
 
 typedef struct crowd {
     size_t stride[2];  /* words of a row, of a column */
-    uint64_t *bits[2]; /* of clear points, by rows and by columns; those of faint ones are */
-    size_t to_faint;   /* words behind */
-    float faint;       /* the least gradient that is not, levels per px */
+    uint64_t *bits[2]; /* of clear points, by rows and by columns; those of all points are */
+    size_t to_all;     /* words behind */
+    float clear;       /* the least gradient that is, levels per px */
 } crowd;
 
 /* 0 or ARRIS_E_MEMORY; crowd_free in either case. */
@@ -32,14 +32,13 @@ void crowd_fill(crowd *c, const arris_edges *e, int width, int height, const arr
 
 enum { CROWD_FIRST = 64 - CROWD_REACH };
 
-/* The bytes of all rows (of all columns when `columns`), one after another: how many a row takes,
- * and where they are, of clear points and of faint ones. The points around pixel `at`, those
- * CROWD_REACH px to either side, are the bits from at + CROWD_FIRST on. Little-endian, as all our
- * targets are. */
-INLINE void crowd_view(const crowd *c, bool columns, const uint8_t *bits[2], size_t *stride) {
-    bits[0] = (const uint8_t *)c->bits[columns];
-    bits[1] = (const uint8_t *)(c->bits[columns] + c->to_faint);
+/* The bytes of all rows (of all columns when `columns`), one after another, of all points or the
+ * clear ones only; *stride: how many a row takes. The points around pixel `at`, those CROWD_REACH
+ * px to either side, are the bits from at + CROWD_FIRST on. Little-endian, as all our targets are.
+ */
+INLINE const uint8_t *crowd_view(const crowd *c, bool columns, bool clear_only, size_t *stride) {
     *stride = c->stride[columns] * sizeof(uint64_t);
+    return (const uint8_t *)(c->bits[columns] + (clear_only ? 0 : c->to_all));
 }
 
 /* Of eight pixels, the distance in px to the nearest of the points around them that is more than

@@ -334,7 +334,7 @@ bool refit(refitter *f, const refit_start *start, arris_segment *out) {
     double moved = 0;
     f->rows.whole = start->whole;
     f->rows.moved[0] = (int)lrint(start->dx), f->rows.moved[1] = (int)lrint(start->dy);
-    f->rows.clear_only = WEAK * start->gradient >= (double)f->crowd.faint;
+    f->rows.clear_only = WEAK * start->gradient >= (double)f->crowd.clear;
     for (int k = 0; k < MAX_PASSES; k++) {
         if (!improve(f, &s, start->gradient))
             return false;

@@ -51,14 +51,14 @@ __attribute__((noinline)) static void fetch_some(const rows *r, const row_place 
     }
 }
 
+typedef uint8_t two_rows __attribute__((vector_size(BLOCK_PIXELS), aligned(16)));
+
 /* Columns of the picture side by side, as rows: to walk down one column after another costs more.
  */
 typedef struct block {
     int32_t line, at; /* the first column, and the first pixel in each */
-    uint8_t column[BLOCK_LINES][BLOCK_PIXELS];
+    two_rows column[BLOCK_LINES];
 } block;
-
-typedef uint8_t two_rows __attribute__((vector_size(32), aligned(16)));
 
 /* Transposes two times 16x16 bytes: four times, the two halves are shuffled into each other. */
 INLINE void transpose(two_rows *v) {
@@ -103,7 +103,7 @@ INLINE void block_load(block *b, const arris_image *im, const row_place *q, bool
     }
     transpose(v);
     for (int i = 0; i < BLOCK_LINES; i++)
-        memcpy(b->column[i], &v[i], sizeof v[i]);
+        b->column[i] = v[i];
 }
 
 __attribute__((noinline)) static void load_portable(block *b, const arris_image *im,
@@ -138,7 +138,7 @@ INLINE void fetch(const rows *r, const row_place *q, int last, int base, int shi
     if (r->columns) {
         if (!block_has(b, q))
             load(b, im, q, r->place[r->n - 1].at >= r->place[0].at);
-        p = b->column[q->line - b->line] + (q->at - STEP_HALF - b->at);
+        p = (const uint8_t *)&b->column[q->line - b->line] + (q->at - STEP_HALF - b->at);
     } else {
         p = im->data + q->line * im->stride + q->at - STEP_HALF;
     }

@@ -125,19 +125,10 @@ INLINE void follow(course *c, double base, eight *value) {
     c->value += LANES * c->step + 28 * c->bend, c->step += LANES * c->bend;
 }
 
-/* Adds the points around the line that the bits tell of. */
-INLINE void look_at(const uint8_t *bits, const eight_ints *byte, eight_ints *around) {
-    for (int k = 0; k < LANES; k++) {
-        int32_t word;
-        memcpy(&word, bits + (*byte)[k], sizeof word);
-        (*around)[k] |= word;
-    }
-}
-
 /* The points around the line, which were where it was then. */
 INLINE void look_around(const rows *r, eight_rows *e) {
-    const uint8_t *bits[2];
     size_t stride;
+    const uint8_t *bits = crowd_view(r->crowd, r->columns, r->clear_only, &stride);
     const eight_ints zero = {0};
     int width = r->columns ? r->image->height : r->image->width;
     int lines = r->columns ? r->image->width : r->image->height;
@@ -145,13 +136,13 @@ INLINE void look_around(const rows *r, eight_rows *e) {
     eight_ints line = e->line - r->moved[!r->columns];
     at = EIGHT_MOST(EIGHT_LEAST(at, zero + (width - 1)), zero);
     line = EIGHT_MOST(EIGHT_LEAST(line, zero + (lines - 1)), zero);
-    crowd_view(r->crowd, r->columns, bits, &stride);
     bit = at + CROWD_FIRST;
     byte = line * (int32_t)stride + (bit >> 3);
-    e->around = (eight_ints){0};
-    look_at(bits[0], &byte, &e->around);
-    if (!r->clear_only)
-        look_at(bits[1], &byte, &e->around);
+    for (int k = 0; k < LANES; k++) {
+        int32_t word;
+        memcpy(&word, bits + byte[k], sizeof word);
+        e->around[k] = word;
+    }
     e->around = (eight_ints)((eight_bits)e->around >> (eight_bits)(bit & 7));
 }
 
