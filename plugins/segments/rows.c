@@ -92,18 +92,15 @@ INLINE void block_load(block *b, const arris_image *im, const row_place *q, bool
     b->line = q->line < last ? q->line : last;
     b->at = at < 0 ? 0 : at < end ? at : end;
     const uint8_t *p = im->data + b->at * im->stride + b->line;
-    two_rows v[BLOCK_LINES];
     for (int i = 0; i < BLOCK_LINES; i++, p += im->stride) {
         bytes half[2];
         memcpy(&half[0], p, sizeof half[0]);
         memcpy(&half[1], p + BLOCK_LINES * im->stride, sizeof half[1]);
-        v[i] = __builtin_shufflevector(half[0], half[1], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12,
-                                       13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27,
-                                       28, 29, 30, 31);
+        b->column[i] = __builtin_shufflevector(half[0], half[1], 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10,
+                                               11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23,
+                                               24, 25, 26, 27, 28, 29, 30, 31);
     }
-    transpose(v);
-    for (int i = 0; i < BLOCK_LINES; i++)
-        b->column[i] = v[i];
+    transpose(b->column);
 }
 
 __attribute__((noinline)) static void load_portable(block *b, const arris_image *im,
