@@ -5,9 +5,9 @@
 #include "follow.h"
 
 /* The ends as a lens has them. */
-static void distort(const arris_camera *lens, arris_segment *s) {
-    arris_distort(lens, s->x1, s->y1, &s->x1, &s->y1);
-    arris_distort(lens, s->x2, s->y2, &s->x2, &s->y2);
+static void distort(const arris_camera *camera, arris_segment *s) {
+    arris_distort(camera, s->x1, s->y1, &s->x1, &s->y1);
+    arris_distort(camera, s->x2, s->y2, &s->x2, &s->y2);
 }
 
 void follow(support *s, const arris_guide *guide, const arris_image *image,

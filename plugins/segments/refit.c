@@ -79,15 +79,16 @@ void refitter_free(refitter *f) {
 }
 
 void refitter_look(refitter *f, const arris_image *image, const arris_edges *edges,
-                   const arris_camera *lens) {
+                   const arris_camera *camera) {
     f->rows.image = image;
-    f->rows.lens = lens;
     if (edges)
-        crowd_fill(&f->crowd, edges, image->width, image->height, lens);
+        crowd_fill(&f->crowd, edges, image->width, image->height, camera);
 }
 
-void refitter_set_lens(refitter *f, const arris_camera *lens) {
-    f->rows.lens = lens;
+void refitter_set_lens(refitter *f, const arris_camera *camera) {
+    f->rows.bent = camera;
+    if (camera)
+        f->rows.lens = lens_of(camera);
 }
 
 void refitter_portable(refitter *f) {

@@ -21,14 +21,14 @@ typedef struct refitter refitter;
 refitter *refitter_new(int width, int height);
 void refitter_free(refitter *f); /* NULL is allowed */
 
-/* The picture of all lines until the next call; it must stay. `lens` maps the lines' coordinates
- * and those of the edge points to the picture's, NULL: they are the same. Without `edges` those of
+/* The picture of all lines until the next call; it must stay. The lens of `camera` maps the
+ * coordinates of the edge points to the picture's; NULL: they are the same. Without `edges` those of
  * the call before tell what is beside the lines. */
 void refitter_look(refitter *f, const arris_image *image, const arris_edges *edges,
-                   const arris_camera *lens);
+                   const arris_camera *camera);
 
-/* The lens of the lines that follow. */
-void refitter_set_lens(refitter *f, const arris_camera *lens);
+/* Likewise for the lines that follow. */
+void refitter_set_lens(refitter *f, const arris_camera *camera);
 
 /* Fits a blurred step to the rows (rows.h) of the line near `start` and fills *s but for `chain`;
  * the ends are the feet of the observed ones. False when it cannot be measured or is no step that

@@ -11,6 +11,7 @@
 #define ROWS_H
 
 #include "crowd.h"
+#include "lens.h"
 #include "step.h"
 
 /* A line from (x, y) along the unit vector (dx, dy), over [0, length] px. */
@@ -41,9 +42,10 @@ typedef struct rows {
     const crowd *crowd;
     int moved[2]; /* px in x and y that the line has moved since it was filled */
     const arris_image *image;
-    const arris_camera *lens; /* NULL: the line's coordinates are the picture's */
-    bool clear_only;          /* faint points are no neighbours */
-    bool portable;            /* without what only some machines have; the same bits */
+    bool bent; /* by the lens: the line's coordinates are ideal */
+    lens lens;
+    bool clear_only; /* faint points are no neighbours */
+    bool portable;   /* without what only some machines have; the same bits */
     uint32_t n, max;
     float pull;    /* sum of the px by which other edges may move the step */
     uint32_t room; /* sum of the half-widths, px */

@@ -148,10 +148,10 @@ static void from_points(const piece *p, double length, arris_segment *out) {
     out->cov[0] = var;
 }
 
-/* Whether the picture can be looked at, and through which lens. */
+/* Whether the picture can be looked at, and through whose lens: *seen_by, NULL for none. */
 static bool look(const segmenter *s, const arris_edges *edges, const arris_image *image,
-                 const arris_camera **lens) {
-    *lens = NULL;
+                 const arris_camera **seen_by) {
+    *seen_by = NULL;
     if (!image || s->p.mode == SEGMENTER_THESIS || image->width > s->width ||
         image->height > s->height)
         return false;
@@ -159,7 +159,7 @@ static bool look(const segmenter *s, const arris_edges *edges, const arris_image
     if (!from || !to || arris_camera_same(from, to))
         return true;
     arris_camera ideal = arris_camera_ideal(from);
-    *lens = from;
+    *seen_by = from;
     return arris_camera_same(&ideal, to);
 }
 
@@ -189,14 +189,14 @@ static void measure(segmenter *s, const piece *p, float noise, bool look, arris_
 
 void segmenter_run(segmenter *s, const arris_edges *edges, const arris_image *image,
                    arris_segments *out) {
-    const arris_camera *lens;
-    bool seen = look(s, edges, image, &lens), guided = s->guide && s->guide->n > 0;
+    const arris_camera *camera;
+    bool seen = look(s, edges, image, &camera), guided = s->guide && s->guide->n > 0;
     out->n = out->lost = 0;
     out->camera = edges->camera;
     if (guided && s->guide->searched != s->searched)
         return; /* nobody knows what is beside the lines */
     if (seen)
-        refitter_look(s->refitter, image, guided ? NULL : edges, lens);
+        refitter_look(s->refitter, image, guided ? NULL : edges, camera);
     if (seen && guided)
         follow(&s->support, s->guide, image, edges->camera, (double)edges->noise, s->p.min_length,
                s->refitter, out);
@@ -205,7 +205,7 @@ void segmenter_run(segmenter *s, const arris_edges *edges, const arris_image *im
     s->searched = s->frame;
     find_pieces(s, edges);
     out->lost = s->lost;
-    refitter_set_lens(s->refitter, lens);
+    refitter_set_lens(s->refitter, camera);
     for (uint32_t i = 0; i < s->n; i++)
         if (!s->pieces[i].gone)
             measure(s, &s->pieces[i], edges->noise, seen, out);

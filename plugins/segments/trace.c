@@ -19,11 +19,22 @@ typedef struct node {
     double u, v, t;
 } node;
 
-/* A point `t` along the line and `d` to its right, through the lens. */
-static node node_at(const rows *r, const row_line *l, double t, double d) {
-    double x = l->x + t * l->dx - d * l->dy, y = l->y + t * l->dy + d * l->dx;
-    arris_distort(r->lens, x, y, &x, &y);
-    return r->columns ? (node){y, x, t} : (node){x, y, t};
+/* By how much the lens displaces points `t` along the line and `d` to its right, px. */
+static void displace(const rows *r, const row_line *l, const eight *t, const eight *d, eight *x,
+                     eight *y) {
+    const lens *c = &r->lens;
+    float dx = (float)l->dx, dy = (float)l->dy;
+    eight px = (float)l->x + *t * dx - *d * dy, py = (float)l->y + *t * dy + *d * dx, e[2], J[3];
+    lens_normalise(c, &px, &py, x, y);
+    lens_displace(c, x, y, e, J);
+    *x = c->fx * e[0] + c->skew * e[1], *y = c->fy * e[1];
+}
+
+/* A point `t` along the line and `d` to its right, displaced by (x, y). */
+static node node_at(const rows *r, const row_line *l, double t, double d, float x, float y) {
+    double px = l->x + t * l->dx - d * l->dy + (double)x;
+    double py = l->y + t * l->dy + d * l->dx + (double)y;
+    return r->columns ? (node){py, px, t} : (node){px, py, t};
 }
 
 /* A value at the first row, its change to the next, and the change of that. */
@@ -54,10 +65,10 @@ typedef struct stretch {
     int own;         /* px within which a point is this edge's */
 } stretch;
 
-/* How far one px along the row is across the line where its slope is du/dv. */
-static double across_at(const rows *r, const row_line *l, const node *a, double slope) {
-    node b = node_at(r, l, a->t, 1);
-    return 1 / (b.u - a->u - (b.v - a->v) * slope);
+/* How far one px along the row is across the line at a, where its slope is du/dv; b is 1 px to its
+ * right. */
+static double across_at(const node *a, const node *b, double slope) {
+    return 1 / (b->u - a->u - (b->v - a->v) * slope);
 }
 
 /* The rows between two places. False when there are none in the picture. */
@@ -84,10 +95,17 @@ static bool stretch_straight(const rows *r, const row_line *l, double t0, double
 
 /* From t0 to t1. False when the line does not go through the rows one by one. */
 static bool stretch_bent(const rows *r, const row_line *l, double t0, double t1, stretch *s) {
-    node a = node_at(r, l, t0, 0), m = node_at(r, l, (t0 + t1) / 2, 0), b = node_at(r, l, t1, 0);
+    double tm = (t0 + t1) / 2;
+    eight t = {(float)t0, (float)t1, (float)t0, (float)t1, (float)tm}, d = {0, 0, 1, 1}, x, y;
+    displace(r, l, &t, &d, &x, &y);
+    node a = node_at(r, l, t0, 0, x[0], y[0]), right_of_a = node_at(r, l, t0, 1, x[2], y[2]);
+    node b = node_at(r, l, t1, 0, x[1], y[1]), right_of_b = node_at(r, l, t1, 1, x[3], y[3]);
+    node m = node_at(r, l, tm, 0, x[4], y[4]);
     if (a.v > b.v) {
         node swap = a;
         a = b, b = swap;
+        swap = right_of_a;
+        right_of_a = right_of_b, right_of_b = swap;
     }
     if (!(m.v > a.v && b.v > m.v) || !stretch_bound(r, a.v, b.v, s))
         return false;
@@ -95,8 +113,8 @@ static bool stretch_bent(const rows *r, const row_line *l, double t0, double t1,
     double middle = l->length / 2, slope = (b.u - a.u) * at.per02, first, last;
     s->u = through(&at, a.u, m.u, b.u, s->first);
     s->t = through(&at, a.t - middle, m.t - middle, b.t - middle, s->first);
-    first = across_at(r, l, &a, slope - s->u.bend / 2 * (b.v - a.v));
-    last = across_at(r, l, &b, slope + s->u.bend / 2 * (b.v - a.v));
+    first = across_at(&a, &right_of_a, slope - s->u.bend / 2 * (b.v - a.v));
+    last = across_at(&b, &right_of_b, slope + s->u.bend / 2 * (b.v - a.v));
     s->across = through(&at, first, (first + last) / 2, last, s->first);
     s->per_along = (float)(sqrt(1 + slope * slope) / fmax(fabs(slope), 1e-3));
     return true;
@@ -106,7 +124,7 @@ static bool stretch_make(const rows *r, const row_line *l, double t0, double t1,
     s->to_end = (float)(l->length / 2) - r->end;
     s->clear = r->clear;
     s->own = s->clear < 4 ? 2 : s->clear < 10 ? s->clear / 2 : 5;
-    return (r->lens ? stretch_bent : stretch_straight)(r, l, t0, t1, s);
+    return (r->bent ? stretch_bent : stretch_straight)(r, l, t0, t1, s);
 }
 
 /* Where the line is in eight rows. */
@@ -280,11 +298,11 @@ AVX2_PATH static void place_avx2(rows *r, const stretch *s) {
 /* Whether rows or columns cut the line, and how slantwise. */
 static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
     double x = fabs(l->dx), y = fabs(l->dy), slope;
-    if (r->lens) {
-        double ax, ay, bx, by;
-        arris_distort(r->lens, l->x + t0 * l->dx, l->y + t0 * l->dy, &ax, &ay);
-        arris_distort(r->lens, l->x + t1 * l->dx, l->y + t1 * l->dy, &bx, &by);
-        x = fabs(bx - ax), y = fabs(by - ay);
+    if (r->bent) {
+        eight t = {(float)t0, (float)t1}, d = {0}, ex, ey;
+        displace(r, l, &t, &d, &ex, &ey);
+        x = fabs((t1 - t0) * l->dx + (double)(ex[1] - ex[0]));
+        y = fabs((t1 - t0) * l->dy + (double)(ey[1] - ey[0]));
     }
     r->columns = x > y;
     slope = r->columns ? y / x : x / y;
@@ -311,7 +329,7 @@ void rows_trace(rows *r, const row_line *l, double trim, float blur) {
     choose_rows(r, l, t0, t1);
     r->clear = rows_clear(r, blur);
     r->end = (r->whole ? CORNER : LOST) * blur;
-    int blocks = r->lens ? 1 + (int)((t1 - t0) / BLOCK) : 1;
+    int blocks = r->bent ? 1 + (int)((t1 - t0) / BLOCK) : 1;
     for (int k = 0; k < blocks; k++) {
         stretch s;
         double from = t0 + (t1 - t0) * k / blocks, to = t0 + (t1 - t0) * (k + 1) / blocks;
