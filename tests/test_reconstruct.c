@@ -526,6 +526,31 @@ static void misfit_does_not_average_out(void **state) {
     assert_true(nees[1] > 0.3 && nees[1] < 2);
 }
 
+/* Views that are no more kept, as two lines of a scan become one at its end, count with the noise
+ * of their poses: that of the kept ones is corrected then, but theirs is not. */
+static void the_absorbed_keep_the_noise_of_poses(void **state) {
+    (void)state;
+    static line l[2], other;
+    scene s = known;
+    s.noise.position = 0.3;
+    for (int corrected = 0; corrected < 2; corrected++) {
+        seed = 7;
+        fit_views(&l[corrected], &upright, 0.05, 0, 55);
+        fit_views(&other, &upright, 0.05, 5, 60);
+        for (uint32_t i = 0; i < other.n_kept; i++)
+            l[corrected].kept[i].left = other.kept[i].left = 0.05;
+        s.noise.corrected = corrected;
+        line_absorb(&l[corrected], &other, &s);
+        s.noise.corrected = false;
+        line_weigh(&l[corrected], &s);
+        assert_int_equal(l[corrected].all.n, 110);
+    }
+    for (int i = 0; i < 4; i++) {
+        double ratio = l[1].all.H.m[i][i] / l[0].all.H.m[i][i];
+        assert_true(ratio > 0.95 && ratio < 1.05);
+    }
+}
+
 /* ---- a whole scan -----------------------------------------------------------------------------
  */
 
@@ -1057,6 +1082,7 @@ int main(void) {
         cmocka_unit_test(the_run_that_agrees_is_the_line),
         cmocka_unit_test(what_looks_different_is_dropped),
         cmocka_unit_test(misfit_does_not_average_out),
+        cmocka_unit_test(the_absorbed_keep_the_noise_of_poses),
         cmocka_unit_test(parallel_motion_is_refused),
         cmocka_unit_test(few_views_claim_nothing),
         cmocka_unit_test(standing_still_is_unobservable),

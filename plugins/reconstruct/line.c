@@ -402,10 +402,12 @@ void line_complete(line *l, const scene *s) {
 void line_absorb(line *a, const line *b, const scene *s) {
     linear r;
     a->next_fit = a->next_survey = UINT32_MAX; /* once is enough */
+    scene reported = *s; /* what is not kept counts as the poses were reported */
+    reported.noise.corrected = false;
     for (uint32_t i = 0; i < b->n_kept; i++) {
         view v = b->kept[i];
         line_align(a, &v);
-        line_add(a, &v, s, &r);
+        line_add(a, &v, &reported, &r);
     }
     a->next_fit = a->seen;
     line_complete(a, s);
