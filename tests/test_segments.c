@@ -935,6 +935,33 @@ static void faint_neighbours_take_no_room(void **state) {
     bench_free(&b);
 }
 
+/* Light that falls off beside an edge, to an edge of its own where a soft shadow ends: the rows
+ * between them are narrow, but not too narrow to tell. */
+static void narrow_shading_is_no_bias(void **state) {
+    (void)state;
+    bench b = bench_new(160, 160, ARRIS_GREY8, NULL);
+    double mean = 0, nees = 0;
+    for (int i = 0; i < 200; i++) {
+        strip s = strip_anywhere(160, 160, 100, 80, &b.seed), end;
+        s.psf = 0.55, s.slope[1] = -5;
+        end = s;
+        end.x -= 5 * sin(s.angle), end.y += 5 * cos(s.angle);
+        picture_draw(&b.image, strip_level, &s, 2, &b.seed);
+        edges_clear(&b.edges);
+        chain_along(&b.edges, &s, -50, 50, 0.2, &b.seed);
+        chain_along(&b.edges, &end, -50, 50, 0.2, &b.seed);
+        b.edges.noise = 2.02f;
+        bench_run(&b);
+        const arris_segment *g = strip_find(&s, &b.segments);
+        assert_non_null(g);
+        strip_error e = strip_compare(&s, g);
+        mean += e.offset / 200, nees += e.nees / 200;
+    }
+    bench_free(&b);
+    assert_within(mean, -0.005, 0.005);
+    assert_within(nees, 0.5, 1.5);
+}
+
 /* What lies beside an edge within its blur, on one side, moves and widens it by about the same. */
 typedef struct banded {
     strip s;
@@ -1342,6 +1369,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(bent_lines_in_oblong_pixels),
         cmocka_unit_test(foreign_camera),
         cmocka_unit_test(faint_neighbours_take_no_room),
+        cmocka_unit_test(narrow_shading_is_no_bias),
         cmocka_unit_test(a_band_moves_and_widens),
         cmocka_unit_test(parallel_pairs),
         cmocka_unit_test(t_junction),

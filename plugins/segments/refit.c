@@ -138,9 +138,9 @@ static void find_slopes(state *s, const row_sums *sum) {
     double kink = (double)sum->answer[STEP_KINK] - s->kink * wk;
     double slope = (double)sum->answer[STEP_SLOPE] - s->slope * ws;
     s->lean = 0;
-    if (!(wk > 0 && ws > 0))
+    if (!(wk > 0))
         return;
-    double z2 = fmax(kink * kink / wk, slope * slope / ws) / (s->noise * s->noise);
+    double z2 = fmax(kink * kink / wk, ws > 0 ? slope * slope / ws : 0) / (s->noise * s->noise);
     double limit = SLOPED * SLOPED / z2;
     double tilt = (double)(sum->total[STEP_TILT] / sum->weight[STEP_CONTRAST]);
     if (limit >= 1 || tilt / s->contrast[0] > 0.5) /* that would explain the step away */

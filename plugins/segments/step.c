@@ -7,7 +7,8 @@
 #include <math.h>
 #include <string.h>
 
-#define BESIDE 1.5 /* px from the step, where a second one is asked for */
+#define BESIDE 1.5   /* px from the step, where a second one is asked for */
+#define RESOLVED 4.5 /* blurs that a row reaches from the step to tell a kink from its offset */
 
 typedef double row[STEP_WIDTH];
 
@@ -64,8 +65,9 @@ static void model(row *v, double s, int half, double shift, int parts) {
 static void make(step_filter *f, double s, int half, double shift) {
     row v[STEP_FILTERS], q[STEP_FILTERS], wider[STEP_FILTERS];
     double length[STEP_FILTERS] = {0};
-    /* the slopes of a narrow row could not be told from the step */
-    int parts = half >= 5 ? STEP_FILTERS : STEP_KINK;
+    /* narrow rows have too few pixels to tell slopes; a kink, where the step leaves some of them */
+    bool kinked = half > STEP_MIN && half >= RESOLVED * s;
+    int parts = half >= 5 ? STEP_FILTERS : kinked ? STEP_SLOPE : STEP_KINK;
     model(v, s, half, shift, parts);
     model(wider, 1.01 * s, half, shift, parts);
     memcpy(q, v, sizeof q);
@@ -81,18 +83,18 @@ static void make(step_filter *f, double s, int half, double shift) {
     f->offset[STEP_GAIN] = (float)((gain - 1) / log(1.01));
     f->part[STEP_SUM] = (float)dot(v[STEP_MEAN], v[STEP_CONTRAST]);
     f->part[STEP_DOF] = (float)(2 * half - (parts < STEP_PARTS ? parts : STEP_PARTS));
-    if (parts <= STEP_SLOPE)
+    if (parts <= STEP_KINK)
         return;
+    double per_slope = parts > STEP_SLOPE ? 1 / length[STEP_SLOPE] : 0;
     double kink = dot(q[STEP_OFFSET], v[STEP_KINK]), slope = dot(q[STEP_OFFSET], v[STEP_SLOPE]);
     f->offset[STEP_BY_KINK] = (float)kink, f->offset[STEP_BY_SLOPE] = (float)slope;
     kink /= length[STEP_KINK];
-    slope = (slope - kink * dot(q[STEP_KINK], v[STEP_SLOPE])) / length[STEP_SLOPE];
+    slope = (slope - kink * dot(q[STEP_KINK], v[STEP_SLOPE])) * per_slope;
     f->offset[STEP_PER_KINK] = (float)kink, f->offset[STEP_PER_SLOPE] = (float)slope;
     f->offset[STEP_UNSURE] = (float)(sqrt(1 + kink * kink + slope * slope) - 1);
     f->part[STEP_TILT] =
-        (float)(length[STEP_CONTRAST] * dot(q[STEP_CONTRAST], v[STEP_SLOPE]) / length[STEP_SLOPE]);
-    f->part[STEP_FLARE] =
-        (float)(length[STEP_BLUR] * dot(q[STEP_BLUR], v[STEP_SLOPE]) / length[STEP_SLOPE]);
+        (float)(length[STEP_CONTRAST] * dot(q[STEP_CONTRAST], v[STEP_SLOPE]) * per_slope);
+    f->part[STEP_FLARE] = (float)(length[STEP_BLUR] * dot(q[STEP_BLUR], v[STEP_SLOPE]) * per_slope);
 }
 
 void step_init(step_table *t) {
