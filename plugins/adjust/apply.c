@@ -48,29 +48,46 @@ static void add_lines(adj_problem *p, const record *r, const arris_lines *lines,
     }
 }
 
-static void add_views(adj_problem *p, const record *r, const int64_t *place) {
+/* The sighting moved to where its edge alone would be; returns the share of its variance that is
+ * the same in many views. */
+static double moved(const sighting *o, const beside_move *m, arris_segment *s) {
+    double dx = o->x2 - o->x1, dy = o->y2 - o->y1, px = m->px / hypot(dx, dy);
+    double misfit = o->chi2 > 0 ? 1 - 1 / (double)o->chi2 : 0, own = (double)o->cov[0];
+    *s = (arris_segment){.x1 = o->x1 - px * dy,
+                         .y1 = o->y1 + px * dx,
+                         .x2 = o->x2 - px * dy,
+                         .y2 = o->y2 + px * dx,
+                         .cov = {own + m->variance, (double)o->cov[1], (double)o->cov[2]}};
+    return (misfit * own + m->share * m->variance) / s->cov[0];
+}
+
+static void add_views(adj_problem *p, const record *r, const beside_move *move,
+                      const int64_t *place) {
     double rr[2];
     for (uint32_t i = 0; i < r->n; i++) {
         const sighting *o = &r->item[i];
+        arris_segment s;
         if (o->line < 0 || place[o->line] < 0)
             continue;
-        arris_segment s = {.x1 = o->x1, .y1 = o->y1, .x2 = o->x2, .y2 = o->y2};
-        for (int k = 0; k < 3; k++)
-            s.cov[k] = (double)o->cov[k];
+        double misfit = moved(o, &move[i], &s);
         int64_t v = adj_add_view(p, o->frame, (uint32_t)place[o->line], &s);
         if (v >= 0 && !adj_residual(p, &p->view[v], &p->frame[o->frame].pose,
                                     &p->line[place[o->line]], rr, NULL, NULL))
             p->n_views--;
-        else if (v >= 0 && o->chi2 > 0)
-            p->line[place[o->line]].misfit += 1 - 1 / (double)o->chi2;
+        else if (v >= 0)
+            p->line[place[o->line]].misfit += misfit;
     }
 }
 
 static int build(adj_problem *p, const record *r, const arris_lines *lines,
                  const adjust_params *params, int64_t *place) {
+    beside_move *move = malloc((r->n + (size_t)1) * sizeof *move);
     int rc = adj_init(p, r->n_frames, lines->n, r->n);
-    if (rc)
+    rc = rc ? rc : move ? record_clear(r, lines, move) : ARRIS_E_MEMORY;
+    if (rc) {
+        free(move);
         return rc;
+    }
     p->camera = r->camera;
     for (uint32_t i = 0; i < r->n_frames; i++) {
         const recorded_frame *f = &r->frame[i];
@@ -79,7 +96,8 @@ static int build(adj_problem *p, const record *r, const arris_lines *lines,
         memcpy(p->frame[i].pose.R, f->at.R, sizeof f->at.R);
     }
     add_lines(p, r, lines, place);
-    add_views(p, r, place);
+    add_views(p, r, move, place);
+    free(move);
     p->robust = params->robust;
     for (int k = 0; k < 6; k++)
         p->sigma[k] = k < 3 ? params->pose_sigma : params->rot_sigma;

@@ -31,7 +31,16 @@ bool record_frame(record *r, int64_t index, int64_t utime, const arris_pose *pos
 }
 
 void record_add(record *r, int32_t track, const arris_segment *s, const arris_camera *c) {
-    sighting o = {s->x1, s->y1, s->x2, s->y2, {0}, s->chi2, r->n_frames - 1, track, -1};
+    sighting o = {.x1 = s->x1,
+                  .y1 = s->y1,
+                  .x2 = s->x2,
+                  .y2 = s->y2,
+                  .chi2 = s->chi2,
+                  .blur = s->blur,
+                  .beside = {s->beside[0], s->beside[1]},
+                  .frame = r->n_frames - 1,
+                  .track = track,
+                  .line = -1};
     if (r->n == r->max) {
         r->lost++;
         return;

@@ -7,10 +7,12 @@
 #define ADJUST_RECORD_H
 
 #include "adjust.h"
+#include "beside.h"
 
 typedef struct sighting {
     double x1, y1, x2, y2; /* ideal px */
     float cov[3], chi2;    /* as of arris_segment */
+    float blur, beside[2]; /* likewise */
     uint32_t frame;        /* of the record */
     int32_t track;
     int32_t line; /* index of the lines, set by record_associate; -1: none */
@@ -69,5 +71,9 @@ void record_adjusted_free(adjusted *a);
 /* Which line each sighting is of, by where lines and cameras are as they stand; none when another
  * one is less than `apart` px farther off. 0 or ARRIS_E_MEMORY. */
 int record_associate(record *r, const arris_lines *lines, double apart);
+
+/* By how much what is beside its line's edge moves each sighting (beside.h); those of no line not
+ * at all. `move` has r->n. 0 or ARRIS_E_MEMORY. */
+int record_clear(const record *r, const arris_lines *lines, beside_move *move);
 
 #endif
