@@ -232,7 +232,7 @@ static void survey(line *l, const scene *s) {
         line_groups(l, s, group);
         l->drift = line_disagreement(group, l->n_kept, l->scale * memory(s), &C);
     }
-    l->next_survey = l->seen + 1 + l->seen / 4;
+    l->next_survey = l->seen + 1 + l->seen / 8;
 }
 
 void line_weigh(line *l, const scene *s) {
