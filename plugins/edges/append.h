@@ -135,8 +135,8 @@ INLINE void items(const edgel_row *e, int32_t i, edgel *out) {
     memcpy(out, both, sizeof both);
 }
 
-/* Appends the row's edgels to `e`, which has room for BATCH more. Where the points are more than the
- * near caches hold, each line of them would be waited for when it is written. */
+/* Appends the row's edgels to `e`, which has room for BATCH more. Where the points are more than
+ * the near caches hold, each line of them would be waited for when it is written. */
 INLINE void append_row(const edgel_row *row, float unit, float x, float y, edgels *e) {
     for (int32_t i = 0; i < row->n; i += BATCH) {
         for (int k = 0; k < BATCH; k += 4)

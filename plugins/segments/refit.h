@@ -22,8 +22,8 @@ refitter *refitter_new(int width, int height);
 void refitter_free(refitter *f); /* NULL is allowed */
 
 /* The picture of all lines until the next call; it must stay. The lens of `camera` maps the
- * coordinates of the edge points to the picture's; NULL: they are the same. Without `edges` those of
- * the call before tell what is beside the lines. */
+ * coordinates of the edge points to the picture's; NULL: they are the same. Without `edges` those
+ * of the call before tell what is beside the lines. */
 void refitter_look(refitter *f, const arris_image *image, const arris_edges *edges,
                    const arris_camera *camera);
 
