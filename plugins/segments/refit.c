@@ -48,6 +48,7 @@ typedef struct state {
     double widen;       /* relative excess of the blur over the filters' */
     double kink, slope; /* levels per px of the row that come of fading along the line */
     double lean;        /* share of the slopes beside the line that is taken out */
+    double left;        /* variance of a pixel that the rows leave over, levels² */
     huber_line step;    /* through the rows' offsets: px, rad */
 } state;
 
@@ -217,14 +218,22 @@ static void move(row_line *l, double offset, double angle) {
 
 /* ---- together ------------------------------------------------------------------------------- */
 
-/* What the rows leave over, per degree of freedom, in sigma²; 0 without freedom. */
-static double shape(const state *s, const row_sums *sum) {
+/* What the rows leave over, per degree of freedom; 0 without freedom. */
+static double left_over(const row_sums *sum) {
     eight parts = sum->explained;
     parts[STEP_BEFORE] = parts[STEP_BEHIND] = 0;
     double rest = (double)(eight_sum(&sum->squares) - eight_sum(&parts));
-    return sum->total[STEP_DOF] > 0 && rest > 0
-               ? rest / ((double)sum->total[STEP_DOF] * s->noise * s->noise)
-               : 0;
+    return sum->total[STEP_DOF] > 0 && rest > 0 ? rest / (double)sum->total[STEP_DOF] : 0;
+}
+
+/* The same in units of the noise's variance, and the greater of the two. */
+static double shape(const state *s) {
+    return s->left / (s->noise * s->noise);
+}
+
+static double variance(const state *s) {
+    double noise = s->noise * s->noise;
+    return s->left > noise ? s->left : noise;
 }
 
 /* Levels and blur, before anything is measured. False when the grey levels step beside the line
@@ -250,13 +259,14 @@ static bool first_look(state *s, const rows *r, double gradient) {
 static double bent(const state *s, const rows *r, double square) {
     bool better = step_scale((float)s->blur * r->slant) != s->scale;
     double error = 0.12 * square + (better ? 0.15 * s->widen * s->widen : 0);
-    return fabs(s->contrast[0]) * error / (s->noise * sqrt(fmax(1, shape(s, &r->sum))));
+    return fabs(s->contrast[0]) * error / sqrt(variance(s));
 }
 
 /* Measures the rows by the filters for the blur. */
 static bool measure(state *s, rows *r) {
     s->scale = step_scale((float)s->blur * r->slant);
     rows_measure(r, s->scale, s->base, s->shift);
+    s->left = left_over(&r->sum);
     bool found = find_step(s, r);
     s->blur = (double)(step_blur(s->scale) / r->slant) * (1 + s->widen);
     return found;
@@ -302,7 +312,7 @@ static double common_error(const rows *r, double hi) {
 static double beside(const state *s, const row_sums *sum, int side) {
     int filter = (s->contrast[0] > 0) == (side == 0) ? STEP_BEFORE : STEP_BEHIND;
     double weight = (double)sum->weight[filter], answer = (double)sum->answer[filter];
-    return weight > 0 ? answer / (s->noise * sqrt(weight * fmax(1, shape(s, sum)))) : 0;
+    return weight > 0 ? answer / sqrt(weight * variance(s)) : 0;
 }
 
 static void result(const refitter *f, const state *s, arris_segment *out) {
@@ -311,9 +321,8 @@ static void result(const refitter *f, const state *s, arris_segment *out) {
     const double c = s->contrast[0], *w = s->step.normal, det = w[0] * w[2] - w[1] * w[1];
     double dof = (double)sum->total[STEP_DOF], lines_dof = f->rows.n - 2;
     huber_data d = data_of(f);
-    double grow =
-        fmax(huber_beyond_chance(s->step.spread, lines_dof, CHANCE),
-             fmax(huber_beyond_chance(shape(s, sum), dof, CHANCE), huber_waves(&d, &s->step)));
+    double grow = fmax(huber_beyond_chance(s->step.spread, lines_dof, CHANCE),
+                       fmax(huber_beyond_chance(shape(s), dof, CHANCE), huber_waves(&d, &s->step)));
     out->x1 = l->x, out->y1 = l->y;
     out->x2 = l->x + l->length * l->dx, out->y2 = l->y + l->length * l->dy;
     out->lo = (float)fmin(s->level, s->level + c);
@@ -324,15 +333,17 @@ static void result(const refitter *f, const state *s, arris_segment *out) {
     out->blur = tells_blur(&f->rows) ? (float)s->blur : 0;
     for (int k = 0; k < 2; k++)
         out->beside[k] = (float)beside(s, sum, k);
-    out->chi2 = (float)((shape(s, sum) * dof + s->step.misfit) / (dof + lines_dof));
+    out->chi2 = (float)((shape(s) * dof + s->step.misfit) / (dof + lines_dof));
 }
 
 bool refit(refitter *f, const refit_start *start, arris_segment *out) {
     double dx = start->x2 - start->x1, dy = start->y2 - start->y1, length = sqrt(dx * dx + dy * dy);
     bool known = start->noise > 0;
-    state s = {.line = {start->x1, start->y1, dx / length, dy / length, length},
-               .noise = known ? start->noise : ROUNDING};
     double moved = 0;
+    state s; /* the rest is found before it is asked for; clearing it would take its time */
+    s.line = (row_line){start->x1, start->y1, dx / length, dy / length, length};
+    s.noise = known ? start->noise : ROUNDING;
+    s.shift = 0, s.blur = 0;
     f->rows.whole = start->whole;
     f->rows.moved[0] = (int)lrint(start->dx), f->rows.moved[1] = (int)lrint(start->dy);
     f->rows.clear_only = WEAK * start->gradient >= (double)f->crowd.clear;
@@ -343,7 +354,7 @@ bool refit(refitter *f, const refit_start *start, arris_segment *out) {
         if (moved > ESCAPED)
             return false;
         if (!known)
-            s.noise *= fmax(1, sqrt(shape(&s, &f->rows.sum)));
+            s.noise = sqrt(variance(&s));
         if ((known || k > 0) && bent(&s, &f->rows, square_move(&s)) < BENT)
             break;
     }

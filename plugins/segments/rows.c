@@ -167,6 +167,10 @@ AVX2_PATH static inline __m256i products(__m256i pixels, const __m256i *w) {
     return _mm256_madd_epi16(pixels, _mm256_loadu_si256(w));
 }
 
+AVX2_PATH static inline __m256i twice(const int16_t *px) {
+    return _mm256_broadcastsi128_si256(_mm_loadu_si128((const void *)px));
+}
+
 AVX2_PATH static inline __m256i half_sum(__m256i half, const __m256i *w) {
     __m256i a = products(_mm256_shuffle_epi32(half, 0x00), w);
     __m256i b = products(_mm256_shuffle_epi32(half, 0x55), w + 1);
@@ -179,8 +183,7 @@ AVX2_PATH static inline void filter_avx2(const step_filter *f, const int16_t *px
                                          eight_ints *answer, eight_ints *square) {
     const __m256i *w = (const void *)f->w;
     __m256i all = _mm256_loadu_si256((const void *)px);
-    __m256i first = half_sum(_mm256_permute2x128_si256(all, all, 0x00), w);
-    __m256i second = half_sum(_mm256_permute2x128_si256(all, all, 0x11), w + 4);
+    __m256i first = half_sum(twice(px), w), second = half_sum(twice(px + 8), w + 4);
     _mm256_storeu_si256((void *)answer, _mm256_add_epi32(first, second));
     _mm256_storeu_si256((void *)square, _mm256_madd_epi16(all, all));
 }
@@ -218,10 +221,11 @@ INLINE void measure(rows *r, const step_filter *filters, int base, int shift, lo
         answer_to(f, px, &sum, &square);
         eight a = __builtin_convertvector(sum, eight) * per_answer;
         add(&all, f, &a, t[i]);
-        all.squares += __builtin_convertvector(square, eight) * (unit * unit);
+        all.squares += __builtin_convertvector(square, eight);
         answers[i] = a;
         offset[i] = f->offset;
     }
+    all.squares *= unit * unit;
     r->sum = all;
 }
 
