@@ -9,39 +9,49 @@
 #include <math.h>
 #include <string.h>
 
-enum { FOUR = 4 };
-
-typedef int32_t four_ints __attribute__((vector_size(4 * FOUR)));
-
 /* A line from the point (x, y) to one that is (dx, dy) away. */
 typedef struct chord {
     float x, y, dx, dy;
 } chord;
 
+/* Of each lane the greatest distance so far, times the chord's length, and where it was. */
+typedef struct greatest {
+    eight most;
+    eight_ints where;
+} greatest;
+
+/* Looks at the points i .. i + LANES - 1, in some order. */
+INLINE void look(const arris_edge_point *p, uint32_t i, const chord *c, greatest *g) {
+    const eight_ints order = {0, 2, 4, 6, 1, 3, 5, 7};
+    eight r[4], xy[2];
+    for (int k = 0; k < 4; k++)
+        eight_load(&p[i + 2 * k], &r[k]);
+    for (int k = 0; k < 2; k++)
+        xy[k] = __builtin_shufflevector(r[2 * k], r[2 * k + 1], 0, 1, 8, 9, 4, 5, 12, 13);
+    eight x = __builtin_shufflevector(xy[0], xy[1], 0, 2, 8, 10, 4, 6, 12, 14);
+    eight y = __builtin_shufflevector(xy[0], xy[1], 1, 3, 9, 11, 5, 7, 13, 15);
+    eight d = EIGHT_ABS((x - c->x) * c->dy - (y - c->y) * c->dx);
+    eight_ints more = d > g->most, index = order + (int32_t)i;
+    g->most = EIGHT_CHOOSE(more, d, g->most);
+    g->where = (index & more) | (g->where & ~more);
+}
+
 /* The greatest distance of the points between a and b from the chord, times the chord's length; *at
- * is the first where. Four points are taken at a time, and each lane remembers its own greatest. */
+ * is the first where. */
 INLINE float farthest(const arris_edge_point *p, uint32_t a, uint32_t b, chord c, uint32_t *at) {
-    four most = {0};
-    four_ints where = {0}, index = {0, 1, 2, 3};
     uint32_t i = a + 1;
     float best = 0;
-    for (index += (int32_t)i; i + FOUR <= b; i += FOUR, index += FOUR) {
-        four r[FOUR];
-        for (int k = 0; k < FOUR; k++)
-            memcpy(&r[k], &p[i + k], sizeof r[k]);
-        four first = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5);
-        four second = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5);
-        four x = __builtin_shufflevector(first, second, 0, 1, 4, 5);
-        four y = __builtin_shufflevector(first, second, 2, 3, 6, 7);
-        four d = (x - c.x) * c.dy - (y - c.y) * c.dx;
-        d = (four)((four_ints)d & INT32_MAX);
-        four_ints more = d > most;
-        most = (four)(((four_ints)d & more) | ((four_ints)most & ~more));
-        where = (index & more) | (where & ~more);
+    if (i + LANES <= b) {
+        greatest g = {{0}, {0}};
+        for (; i + LANES <= b; i += LANES)
+            look(p, i, &c, &g);
+        if (i < b) /* some of them again */
+            look(p, b - LANES, &c, &g);
+        i = b;
+        for (int k = 0; k < LANES; k++)
+            if (g.most[k] > best || (g.most[k] == best && (uint32_t)g.where[k] < *at))
+                best = g.most[k], *at = (uint32_t)g.where[k];
     }
-    for (int k = 0; k < FOUR; k++)
-        if (most[k] > best || (most[k] == best && (uint32_t)where[k] < *at))
-            best = most[k], *at = (uint32_t)where[k];
     for (; i < b; i++) {
         float d = fabsf((p[i].x - c.x) * c.dy - (p[i].y - c.y) * c.dx);
         if (d > best)
