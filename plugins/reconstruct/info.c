@@ -143,5 +143,5 @@ double info_chi2(const info *in, const double x[4]) {
     double chi2 = in->c + mat4_form(&in->H, x, x);
     for (int i = 0; i < 4; i++)
         chi2 -= 2 * in->g[i] * x[i];
-    return fmax(chi2, 0);
+    return chi2 > 0 ? chi2 : 0;
 }

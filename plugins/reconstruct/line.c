@@ -113,45 +113,63 @@ static double step(line *l, const scene *s) {
 
 /* ---- geometry ------------------------------------------------------------------------------- */
 
-static double distance(const double a[3], const double b[3]) {
+static double square_distance(const double a[3], const double b[3]) {
     double d[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-    return sqrt(arris_dot(d, d));
+    return arris_dot(d, d);
 }
 
-/* Notes that the line was seen from C. */
-static void widen(line *l, const double C[3]) {
+/* From where the line is seen from C, in the plane across it. */
+static void look(const line *l, const double C[3], double d[2]) {
     double P[3];
     frame_point(&l->f, l->x, 0, P);
     for (int i = 0; i < 3; i++)
         P[i] -= C[i];
-    double angle = atan2(arris_dot(P, l->f.b), arris_dot(P, l->f.a));
-    l->swing[0] = fmin(l->swing[0], angle);
-    l->swing[1] = fmax(l->swing[1], angle);
-    double d = line_baseline(l), from_first = distance(C, l->first), to_last = distance(C, l->last);
+    d[0] = arris_dot(P, l->f.a), d[1] = arris_dot(P, l->f.b);
+}
+
+static void widen_baseline(line *l, const double C[3]) {
+    double d = square_distance(l->first, l->last), from_first = square_distance(C, l->first),
+           to_last = square_distance(C, l->last);
     if (from_first > d && from_first >= to_last)
         memcpy(l->last, C, sizeof l->last);
     else if (to_last > d)
         memcpy(l->first, C, sizeof l->first);
 }
 
+/* Notes that the line was seen from C. */
+static void widen(line *l, const double C[3]) {
+    double d[2];
+    look(l, C, d);
+    double angle = atan2(d[1], d[0]);
+    l->swing[0] = fmin(l->swing[0], angle);
+    l->swing[1] = fmax(l->swing[1], angle);
+    widen_baseline(l, C);
+}
+
 /* From where the kept views were taken; later ones only widen it. */
 static void measure_motion(line *l) {
+    double least[2], most[2], d[2];
     bool any = false;
     for (uint32_t i = 0; i < l->n_kept; i++) {
+        const double *C = l->kept[i].C;
         if (!l->inlier[i])
             continue;
-        if (!any) {
-            memcpy(l->first, l->kept[i].C, sizeof l->first);
-            memcpy(l->last, l->kept[i].C, sizeof l->last);
-            l->swing[0] = (double)INFINITY, l->swing[1] = -(double)INFINITY;
-            any = true;
-        }
-        widen(l, l->kept[i].C);
+        look(l, C, d);
+        if (!any || d[1] * least[0] < d[0] * least[1])
+            memcpy(least, d, sizeof least);
+        if (!any || d[1] * most[0] > d[0] * most[1])
+            memcpy(most, d, sizeof most);
+        if (!any)
+            memcpy(l->first, C, sizeof l->first), memcpy(l->last, C, sizeof l->last);
+        widen_baseline(l, C);
+        any = true;
     }
+    if (any)
+        l->swing[0] = atan2(least[1], least[0]), l->swing[1] = atan2(most[1], most[0]);
 }
 
 double line_baseline(const line *l) {
-    return distance(l->first, l->last);
+    return sqrt(square_distance(l->first, l->last));
 }
 
 double line_pose_px(const line *l, const scene *s) {

@@ -68,8 +68,8 @@ INLINE void linearise_end(const views *u, const lane w[3], const double D[3], co
     for (int i = 0; i < 3; i++)
         P[i] = s * D[i] - w[i];
     *z = DOT(u->all + AXIS, P);
-    lane p = (1 - s) / (2 * *z), q = (1 + s) / (2 * *z);
-    *(lane *)l->r[end] = DOT(u->all + PLANE, P) / *z;
+    lane per_depth = 1 / *z, p = (0.5 - 0.5 * s) * per_depth, q = (0.5 + 0.5 * s) * per_depth;
+    *(lane *)l->r[end] = DOT(u->all + PLANE, P) * per_depth;
     *(lane *)l->s[end] = s;
     *(lane *)l->J[end][0] = p * *a;
     *(lane *)l->J[end][1] = p * *b;

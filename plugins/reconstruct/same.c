@@ -136,9 +136,9 @@ static bool passes_by(const line *a, const view *v) {
 bool line_explains(const line *a, const line *b, const scene *s) {
     uint32_t missed = 0, n = b->n_kept;
     double moved = line_baseline(b), swing = b->swing[1] - b->swing[0];
-    double pixel = sqrt(arris_dot(b->kept[0].step, b->kept[0].step)); /* rad */
     if (moved < FAR * a->depth || swing * a->depth > SLANT * moved || passes_by(a, &b->kept[n / 2]))
         return false;
+    double pixel = sqrt(arris_dot(b->kept[0].step, b->kept[0].step)); /* rad */
     double may_miss = (1 - SHARE) * n;
     if (missed_by(a, b->kept, 3, (n - 1) / 2, pixel, s) == 3) /* mostly three views tell */
         return false;

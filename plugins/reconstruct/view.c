@@ -51,7 +51,7 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
               const double picture[4]) {
     arris_segment s = *segment;
     int bad = straighten(c, &s);
-    double dx = s.x2 - s.x1, dy = s.y2 - s.y1, length = hypot(dx, dy);
+    double dx = s.x2 - s.x1, dy = s.y2 - s.y1, length = sqrt(dx * dx + dy * dy);
     double x = (s.x1 + s.x2) / 2, y = (s.y1 + s.y2) / 2;
     if (bad || !usable(&s, length))
         return ARRIS_E_INPUT;
