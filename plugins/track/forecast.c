@@ -21,30 +21,37 @@ forecast forecast_box(const arris_segment *where, double box) {
 }
 
 double forecast_reach(const forecast *f) {
-    return f->box > 0 ? f->box : SIGMAS * sqrt(fmax(f->cov[0], f->cov[2]));
+    return f->box > 0 ? f->box : SIGMAS * sqrt(f->cov[0] > f->cov[2] ? f->cov[0] : f->cov[2]);
 }
 
 double segment_direction(const arris_segment *s, double u[2]) {
     double dx = s->x2 - s->x1, dy = s->y2 - s->y1, length = sqrt(dx * dx + dy * dy);
-    u[0] = length > 0 ? dx / length : 0;
-    u[1] = length > 0 ? dy / length : 0;
+    double per_px = length > 0 ? 1 / length : 0;
+    u[0] = dx * per_px, u[1] = dy * per_px;
     return length;
 }
 
-double segment_stretch(const arris_segment *p, const arris_segment *s, double t[2], double d[2]) {
-    double u[2], v[2], lp = segment_direction(p, u), ls = segment_direction(s, v);
-    double turn = u[0] * v[0] + u[1] * v[1];
+/* segment_stretch; u and lp are the direction of p and its length. */
+static double stretch(const arris_segment *p, const double u[2], double lp, const arris_segment *s,
+                      double t[2], double d[2]) {
+    double v[2], ls = segment_direction(s, v), turn = u[0] * v[0] + u[1] * v[1];
     if (!(turn >= COS_TURN))
         return 0;
     double x = s->x1 - p->x1, y = s->y1 - p->y1;
-    double along = x * u[0] + y * u[1], right = y * u[0] - x * u[1];
-    t[0] = fmax(0, along), t[1] = fmin(lp, along + ls * turn);
-    if (!(t[1] - t[0] >= OVERLAP * fmin(lp, ls)))
+    double along = x * u[0] + y * u[1], right = y * u[0] - x * u[1], end = along + ls * turn;
+    double shorter = lp < ls ? lp : ls, longer = lp < ls ? ls : lp;
+    t[0] = along > 0 ? along : 0, t[1] = end < lp ? end : lp;
+    if (!(t[1] - t[0] >= OVERLAP * shorter))
         return 0;
     double slope = (u[0] * v[1] - u[1] * v[0]) / turn;
     d[0] = right + (t[0] - along) * slope;
     d[1] = right + (t[1] - along) * slope;
-    return (t[1] - t[0]) / fmax(lp, ls);
+    return (t[1] - t[0]) / longer;
+}
+
+double segment_stretch(const arris_segment *p, const arris_segment *s, double t[2], double d[2]) {
+    double u[2], length = segment_direction(p, u);
+    return stretch(p, u, length, s, t, d);
 }
 
 static bool runs_against(const forecast *f, const arris_segment *s) {
@@ -68,10 +75,10 @@ static bool apart(double a, double b, double c, double d, double margin) {
     return (a > b ? a : b) + margin < (c < d ? c : d) || (c > d ? c : d) + margin < (a < b ? a : b);
 }
 
-/* The covariance of the distances at the two ends t of the common stretch. */
-static void covariance(const forecast *f, const arris_segment *s, const double t[2],
-                       double cov[3]) {
-    double u[2], length = segment_direction(&f->where, u);
+/* The covariance of the distances at the two ends t of the common stretch; u and length are of the
+ * forecast. */
+static void covariance(const forecast *f, const double u[2], double length, const arris_segment *s,
+                       const double t[2], double cov[3]) {
     double middle =
         ((s->x1 + s->x2) / 2 - f->where.x1) * u[0] + ((s->y1 + s->y2) / 2 - f->where.y1) * u[1];
     double a = t[0] / length, b = t[1] / length, v = t[0] - middle, w = t[1] - middle;
@@ -84,17 +91,17 @@ static void covariance(const forecast *f, const arris_segment *s, const double t
              (v + w) * m[1] + v * w * m[2];
 }
 
-/* forecast_misfit; *spread is the logarithm of the covariance's determinant. */
-static double misfit(const forecast *f, const arris_segment *s, double *spread) {
-    double t[2], d[2], c[3], share = segment_stretch(&f->where, s, t, d);
+/* forecast_misfit; *det is the covariance's determinant. */
+static double misfit(const forecast *f, const arris_segment *s, double *det) {
+    double u[2], length = segment_direction(&f->where, u), t[2], d[2], c[3];
+    double share = stretch(&f->where, u, length, s, t, d);
     if (share <= 0)
         return 1;
     if (f->box > 0 && (fabs(d[0]) > f->box || fabs(d[1]) > f->box))
         return 1;
-    covariance(f, s, t, c);
-    double det = c[0] * c[2] - c[1] * c[1];
-    double chi2 = (c[2] * d[0] * d[0] - 2 * c[1] * d[0] * d[1] + c[0] * d[1] * d[1]) / det;
-    *spread = log(det);
+    covariance(f, u, length, s, t, c);
+    *det = c[0] * c[2] - c[1] * c[1];
+    double chi2 = (c[2] * d[0] * d[0] - 2 * c[1] * d[0] * d[1] + c[0] * d[1] * d[1]) / *det;
     return chi2 < GATE ? chi2 / GATE + STRETCH * (1 - share) : 1;
 }
 
@@ -104,9 +111,9 @@ bool forecast_near(const forecast *f, const arris_segment *s, double reach) {
 }
 
 double forecast_misfit(const forecast *f, const arris_segment *s) {
-    double spread;
+    double det;
     arris_segment own = segment_along(f, s);
-    return runs_against(f, s) == f->turned ? misfit(f, &own, &spread) : 1;
+    return runs_against(f, s) == f->turned ? misfit(f, &own, &det) : 1;
 }
 
 /* How much the sides have changed, 1 being too much: one of them should be as it was, or else the
@@ -120,14 +127,14 @@ static double change(const arris_segment *a, const arris_segment *b) {
 }
 
 double forecast_cost(const forecast *f, const arris_segment *s, double *off) {
-    double spread, changed;
+    double det, changed;
     bool flipped = runs_against(f, s) != f->turned;
     *off = 1;
     if (flipped && !f->line)
         return (double)INFINITY;
     arris_segment own = segment_along(f, s);
-    *off = misfit(f, &own, &spread);
+    *off = misfit(f, &own, &det);
     if (*off >= (flipped ? FLIPPED : 1) || (changed = change(&f->where, &own)) >= 1)
         return (double)INFINITY;
-    return GATE * *off + spread + changed * changed + (flipped ? FLIP : 0);
+    return GATE * *off + log(det) + changed * changed + (flipped ? FLIP : 0);
 }

@@ -17,14 +17,14 @@ void blur_forecast(const viewpoint *v, double depth, forecast *f) {
 }
 
 /* n' C n of the 3x3 blocks C of the covariance of (p, q): of p, of p and q, of q. */
-static void along(const double cov[21], const double n[3], double v[3]) {
-    const double m[6] = {n[0], n[1], n[2], n[0], n[1], n[2]};
-    v[0] = v[1] = v[2] = 0;
-    for (int i = 0, k = 0; i < 6; i++)
-        for (int j = i; j < 6; j++, k++) {
-            bool twice = i != j && (i > 2) == (j > 2);
-            v[(i > 2) + (j > 2)] += (twice ? 2 : 1) * cov[k] * m[i] * m[j];
-        }
+static void along(const double c[21], const double n[3], double v[3]) {
+    double x = n[0], y = n[1], z = n[2];
+    v[0] =
+        x * (c[0] * x + 2 * (c[1] * y + c[2] * z)) + y * (c[6] * y + 2 * c[7] * z) + c[11] * z * z;
+    v[1] = x * (c[3] * x + c[4] * y + c[5] * z) + y * (c[8] * x + c[9] * y + c[10] * z) +
+           z * (c[12] * x + c[13] * y + c[14] * z);
+    v[2] = x * (c[15] * x + 2 * (c[16] * y + c[17] * z)) + y * (c[18] * y + 2 * c[19] * z) +
+           c[20] * z * z;
 }
 
 /* What is in front of the camera, as places between p (0) and q (1); z is their depths. */
@@ -45,8 +45,8 @@ static bool in_front(const arris_line *l, const arris_pose *pose, double place[2
 }
 
 bool in_picture(const arris_camera *c, const arris_segment *s) {
-    return fmax(s->x1, s->x2) > 0 && fmin(s->x1, s->x2) < c->width && fmax(s->y1, s->y2) > 0 &&
-           fmin(s->y1, s->y2) < c->height;
+    return (s->x1 > 0 || s->x2 > 0) && (s->x1 < c->width || s->x2 < c->width) &&
+           (s->y1 > 0 || s->y2 > 0) && (s->y1 < c->height || s->y2 < c->height);
 }
 
 bool foresee(const arris_line *l, const viewpoint *v, forecast *f, double *depth) {

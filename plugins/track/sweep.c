@@ -60,8 +60,8 @@ static double picture(const sweep *s, int i, const viewpoint *v, double at[2], d
         Y[k] = arris_dot(R + 3 * k, base);
         X[k] = arris_dot(R + 3 * k, s->ray[i]) + s->w[i] * Y[k];
     }
-    double x = X[0] / X[2], y = X[1] / X[2];
-    double dx = (Y[0] - x * Y[2]) / X[2], dy = (Y[1] - y * Y[2]) / X[2];
+    double per_depth = 1 / X[2], x = X[0] * per_depth, y = X[1] * per_depth;
+    double dx = (Y[0] - x * Y[2]) * per_depth, dy = (Y[1] - y * Y[2]) * per_depth;
     at[0] = c->fx * x + c->skew * y + c->cx;
     at[1] = c->fy * y + c->cy;
     speed[0] = c->fx * dx + c->skew * dy;
