@@ -10,12 +10,16 @@
  * what claims to be exact from being infinitely heavy. */
 static const double LEAST_VARIANCE = 1e-8;
 
-static void ray_at_depth_1(const arris_camera *c, const arris_pose *pose, double x, double y,
-                           double ray[3]) {
-    arris_bearing(c, pose, x, y, ray);
-    double depth = arris_dot(pose->R + 6, ray);
-    for (int i = 0; i < 3; i++)
-        ray[i] /= depth;
+/* The ray of the pixel (x, y), at depth 1, and by how much it turns along (dx, dy). */
+static void set_ray(view *v, const arris_camera *c, const arris_pose *pose, double x, double y,
+                    double dx, double dy) {
+    const double *R = pose->R;
+    double b = (y - c->cy) / c->fy, a = (x - c->cx - c->skew * b) / c->fx;
+    double db = dy / c->fy, da = (dx - c->skew * db) / c->fx;
+    for (int i = 0; i < 3; i++) {
+        v->ray[i] = a * R[i] + b * R[3 + i] + R[6 + i];
+        v->step[i] = da * R[i] + db * R[3 + i];
+    }
 }
 
 /* Narrows from..to to where from + t speed stays within lo..hi. */
@@ -56,12 +60,10 @@ int view_make(view *v, const arris_segment *segment, const arris_camera *c, cons
     if (bad || !usable(&s, length))
         return ARRIS_E_INPUT;
     dx /= length, dy /= length;
-    ray_at_depth_1(c, pose, x, y, v->ray);
-    ray_at_depth_1(c, pose, x + dx, y + dy, v->step);
+    set_ray(v, c, pose, x, y, dx, dy);
     for (int i = 0; i < 3; i++) {
         v->C[i] = pose->C[i];
         v->axis[i] = pose->R[6 + i];
-        v->step[i] -= v->ray[i];
     }
     arris_cross(v->ray, v->step, v->plane);
     for (int i = 0; i < 3; i++)
