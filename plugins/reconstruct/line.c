@@ -8,15 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double GATE = 14;      /* chi-square of 2 degrees of freedom: one in a thousand */
-static const double FAR = 3;        /* px: a segment so far off is another edge's */
-static const double MOVED = 1;      /* squared sigmas after which all is linearised anew */
-static const double STANDS = 1e-4;  /* a step of fewer squared sigmas is the last one; */
-static const double RUNS = 1e-2;    /* likewise, as long as views come */
-static const double SWING = 5;      /* px of parallax: with less it is not observable */
-static const double ALONG = 0.0140; /* rad: nor when the camera moves this near its direction */
-static const double PARALLAX = 0.1; /* nor with a sigma above this share of its distance */
-static const double PRIOR_DOF = 10; /* weight of the scene's scale against the line's own */
+static const double GATE = 14;           /* chi-square of 2 degrees of freedom: one in a thousand */
+static const double FAR = 3;             /* px: a segment so far off is another edge's */
+static const double MOVED = 1;           /* squared sigmas after which all is linearised anew */
+static const double STANDS = 1e-4;       /* a step of fewer squared sigmas is the last one; */
+static const double RUNS = 1e-2;         /* likewise, as long as views come */
+static const double PRIOR_DOF = 10;      /* weight of the scene's scale against the line's own */
 static const double SURROUNDINGS = 0.12; /* rad that the view turns until they look otherwise */
 static const double INDEPENDENT = 2.3;   /* values of what is systematic, at most */
 static const double EVIDENT = 1.5; /* times the usual, of a drift that is no chance: 1 in 15 is */
@@ -111,82 +108,6 @@ static double step(line *l, const scene *s) {
     return mat4_form(&l->all.H, d, d);
 }
 
-/* ---- geometry ------------------------------------------------------------------------------- */
-
-static double square_distance(const double a[3], const double b[3]) {
-    double d[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-    return arris_dot(d, d);
-}
-
-/* From where the line is seen from C, in the plane across it. */
-static void look(const line *l, const double C[3], double d[2]) {
-    double P[3];
-    frame_point(&l->f, l->x, 0, P);
-    for (int i = 0; i < 3; i++)
-        P[i] -= C[i];
-    d[0] = arris_dot(P, l->f.a), d[1] = arris_dot(P, l->f.b);
-}
-
-static void widen_baseline(line *l, const double C[3]) {
-    double d = square_distance(l->first, l->last), from_first = square_distance(C, l->first),
-           to_last = square_distance(C, l->last);
-    if (from_first > d && from_first >= to_last)
-        memcpy(l->last, C, sizeof l->last);
-    else if (to_last > d)
-        memcpy(l->first, C, sizeof l->first);
-}
-
-/* Notes that the line was seen from C. */
-static void widen(line *l, const double C[3]) {
-    double d[2];
-    look(l, C, d);
-    double angle = atan2(d[1], d[0]);
-    l->swing[0] = fmin(l->swing[0], angle);
-    l->swing[1] = fmax(l->swing[1], angle);
-    widen_baseline(l, C);
-}
-
-/* From where the kept views were taken; later ones only widen it. */
-static void measure_motion(line *l) {
-    double least[2], most[2], d[2];
-    bool any = false;
-    for (uint32_t i = 0; i < l->n_kept; i++) {
-        const double *C = l->kept[i].C;
-        if (!l->inlier[i])
-            continue;
-        look(l, C, d);
-        if (!any || d[1] * least[0] < d[0] * least[1])
-            memcpy(least, d, sizeof least);
-        if (!any || d[1] * most[0] > d[0] * most[1])
-            memcpy(most, d, sizeof most);
-        if (!any)
-            memcpy(l->first, C, sizeof l->first), memcpy(l->last, C, sizeof l->last);
-        widen_baseline(l, C);
-        any = true;
-    }
-    if (any)
-        l->swing[0] = atan2(least[1], least[0]), l->swing[1] = atan2(most[1], most[0]);
-}
-
-double line_baseline(const line *l) {
-    return sqrt(square_distance(l->first, l->last));
-}
-
-double line_pose_px(const line *l, const scene *s) {
-    const double *plane = l->kept[0].plane;
-    return s->noise.position * sqrt(arris_dot(plane, plane)) / l->depth;
-}
-
-bool line_observable(const line *l) {
-    double swing = l->swing[1] - l->swing[0], worst = 0;
-    for (int i = 0; i < 4; i++)
-        worst = fmax(worst, l->cov.m[i][i] * l->scale);
-    const double *plane = l->kept[0].plane;
-    double parallax = swing * sqrt(arris_dot(plane, plane));
-    return l->all.n >= 2 && parallax > SWING && swing * l->depth > ALONG * line_baseline(l) &&
-           worst < PARALLAX * PARALLAX * l->depth * l->depth;
-}
-
 /* ---- fitting -------------------------------------------------------------------------------- */
 
 /* Whether a view agrees with the estimate that is so far from it: squared sigmas, and px at both
@@ -233,7 +154,7 @@ static void refine(line *l, const scene *s, double stands) {
         moved = step(l, s);
     }
     if (past.n == 0)
-        measure_motion(l);
+        line_measure_motion(l);
     l->settled = l->settled && 2 * (l->all.n - past.n) > l->n_kept;
 }
 
@@ -277,7 +198,7 @@ void line_resume(line *l, const scene *s, const double x[4]) {
     }
     memcpy(l->x, x, sizeof l->x);
     line_refine(l, s);
-    measure_motion(l);
+    line_measure_motion(l);
     l->settled = l->settled && line_observable(l);
     survey(l, s);
 }
@@ -291,25 +212,9 @@ static void fit_from_start(line *l, const scene *s) {
     refine(l, s, RUNS);
 }
 
-/* Whether the planes of the views turn about the line by enough to see where it is, as far as noise
- * and outliers let that be told beforehand: by themselves, and since the camera moved across the
- * first of them, at the distance of the nearest line that there may be. */
-static bool may_be_observable(const line *l, const scene *s) {
-    const view *v = l->kept;
-    double least = SWING * SWING / 16, moves = SWING * s->nearest;
-    for (const view *w = v + 1; w < v + l->n_kept; w++) {
-        double n[3], d[3] = {w->C[0] - v->C[0], w->C[1] - v->C[1], w->C[2] - v->C[2]};
-        arris_cross(v->plane, w->plane, n);
-        if (arris_dot(n, n) > least * arris_dot(w->plane, w->plane) &&
-            fabs(arris_dot(v->plane, d)) >= moves)
-            return true;
-    }
-    return false;
-}
-
 /* Fits the line where nothing but a start is known. False when it is not observable. */
 static bool fit_anew(line *l, const scene *s) {
-    if (!may_be_observable(l, s) || !line_start(l, s))
+    if (!line_may_be_observable(l, s) || !line_start(l, s))
         return false;
     fit_from_start(l, s);
     if (!line_observable(l))
@@ -377,7 +282,7 @@ static bool update(line *l, const view *v, int kept, const scene *s, linear *r) 
         info_add(&l->rest[l->n_kept - 1], r, l->x);
     l->depth = r->depth;
     step(l, s);
-    widen(l, v->C);
+    line_widen(l, v->C);
     double d[4];
     for (int i = 0; i < 4; i++)
         d[i] = l->x[i] - l->at[i];

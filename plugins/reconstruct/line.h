@@ -56,7 +56,8 @@ typedef struct line {
     uint32_t n_kept, stride; /* every stride-th view is kept */
     bool inlier[LINE_KEPT];
     view kept[LINE_KEPT];
-    info rest[LINE_KEPT]; /* of those views from a kept one to the next that take part */
+    info rest[LINE_KEPT]; /* of those views from a kept one to the next that take part; nothing at
+                           * stride 1, and not looked at then */
 } line;
 
 /* Begins a line that no view has been added to. */
@@ -125,6 +126,16 @@ void line_clear(line *l, const scene *s, double usual);
 
 /* The best estimate that the views give, its ends and its drift. */
 void line_complete(line *l, const scene *s);
+
+/* Notes that the line was seen from C. */
+void line_widen(line *l, const double C[3]);
+
+/* Notes anew from where the kept views that take part were taken. */
+void line_measure_motion(line *l);
+
+/* Whether the camera has moved across the views by enough for the line to be observable, as far as
+ * noise and outliers let that be told before it is fitted. */
+bool line_may_be_observable(const line *l, const scene *s);
 
 /* Whether the motion tells where the line is: false when it was seen from too narrow an angle, when
  * the camera moved along it, or when its parallax is not well above the noise. */
