@@ -21,9 +21,8 @@ static const arris_prop props[] = {
     ARRIS_P_INT(struct edges, p.min_length, "min-length", "10", 1, 8192, "points",
                 "shorter chains are dropped"),
     ARRIS_P_STRING(struct edges, roi, "roi", NULL, "x,y,width,height in px: only look in there"),
-    ARRIS_P_BOOL(
-        struct edges, search.guided, "guide", "true",
-        "searches every other frame only, where known lines tell of the rest; not with roi"),
+    ARRIS_P_BOOL(struct edges, search.guided, "guide", "true",
+                 "once lines are known, searches every other frame only; not with roi"),
 };
 
 static int settle(arris_stage *s, void *self, arris_layers *l) {
