@@ -22,7 +22,7 @@ static const arris_prop props[] = {
                 "shorter chains are dropped"),
     ARRIS_P_STRING(struct edges, roi, "roi", NULL, "x,y,width,height in px: only look in there"),
     ARRIS_P_BOOL(struct edges, search.guided, "guide", "true",
-                 "once lines are known, searches every other frame only; not with roi"),
+                 "once lines are known, spares every third frame the search; not with roi"),
 };
 
 static int settle(arris_stage *s, void *self, arris_layers *l) {

@@ -20,7 +20,7 @@ struct guide {
     arris_camera lens, ideal;
     double border[4]; /* x0, y0, x1, y1 around the picture, ideal px */
     arris_pose pose;  /* of the frame before */
-    bool searched;    /* so was that one */
+    int searched;     /* pictures in a row, up to that one */
     uint32_t n;       /* known lines, as they should be in this one */
     arris_foreseen known[GUIDE_LINES];
 };
@@ -167,9 +167,9 @@ bool guide_decide(guide *g, const arris_lines *lines, const arris_pose *pose, ar
     out->n = out->lost = 0;
     out->camera = &g->ideal;
     bool known = pose && pose->valid;
-    if (g->searched && lines && known && g->pose.valid)
+    if (g->searched >= GUIDE_PERIOD - 1 && lines && known && g->pose.valid)
         add_lines(g, lines, pose, out);
     g->pose = known ? *pose : (arris_pose){0};
-    g->searched = out->n == 0;
-    return !g->searched;
+    g->searched = out->n > 0 ? 0 : g->searched < GUIDE_PERIOD ? g->searched + 1 : GUIDE_PERIOD;
+    return out->n > 0;
 }

@@ -2,18 +2,18 @@
  *
  * guide.h: decides, for every frame, whether edges are looked for. No dependency on the runtime.
  *
- * Once lines are known well, only every other frame is searched. In the one after it, lines
- * whose 3D estimate foresees them well are handed on, to be looked for along the normals of where
- * they should be, and nothing else is looked at: texture, and what is not yet known so well or
- * might be taken for another line, is seen half as often. So all that is new is found one frame
- * later at the most, and what a guided line is said to be never outlives what a search finds.
+ * Once lines are known well, one frame in GUIDE_PERIOD is not searched: lines whose 3D estimate
+ * foresees them well are handed on, to be looked for along the normals of where they should be, and
+ * nothing else is looked at. Texture, and what is not yet known so well or might be taken for
+ * another line, is seen less often. So all that is new is found one frame later at the most, and
+ * what a guided line is said to be never outlives what a search finds.
  */
 #ifndef GUIDE_H
 #define GUIDE_H
 
 #include "arris_geometry.h"
 
-enum { GUIDE_LINES = 512 };
+enum { GUIDE_PERIOD = 3, GUIDE_LINES = 512 };
 
 typedef struct guide guide;
 
