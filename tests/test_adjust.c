@@ -415,6 +415,33 @@ static void outliers_are_named(void **unused) {
     free(lines.item);
 }
 
+/* Nor does one that sees too little to say where it is instead. */
+static void outliers_may_see_little(void **unused) {
+    (void)unused;
+    for (uint64_t seed = 1; seed < 40; seed++) {
+        scan_plan plan = {40, 14, 9, 0.1, 1e-4, 0.005, seed % 2};
+        adjust_params params = {.robust = 4, .backend = &adj_cholmod};
+        record r;
+        arris_lines lines = {0};
+        adjusted result;
+        uint32_t n = 0, seen = 0;
+        state = seed;
+        simulate(&plan, &r, &lines);
+        r.frame[17].pose.C[0] += 4;
+        r.frame[17].at.C[0] += 4;
+        for (uint32_t i = 0; i < r.n; i++)
+            if (r.item[i].frame != 17 || seen++ < 1 + seed % 3)
+                r.item[n++] = r.item[i];
+        r.n = n;
+        assert_int_equal(record_adjust(&r, &lines, &params, &result), 0);
+        assert_non_null(result.pose);
+        assert_true(result.q.sigma[0] < 0.2);
+        record_adjusted_free(&result);
+        record_free(&r);
+        free(lines.item);
+    }
+}
+
 static void all_finite(const arris_lines *lines) {
     for (uint32_t i = 0; i < lines->n; i++) {
         for (int k = 0; k < 21; k++)
@@ -490,6 +517,7 @@ int main(void) {
         cmocka_unit_test(views_of_another_edge_do_no_harm),
         cmocka_unit_test(what_is_beside_is_taken_out),
         cmocka_unit_test(outliers_are_named),
+        cmocka_unit_test(outliers_may_see_little),
         cmocka_unit_test(what_is_not_told_is_said),
         cmocka_unit_test(lines_are_read_and_refused),
     };

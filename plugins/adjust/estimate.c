@@ -111,12 +111,14 @@ static void sum_components(const adj_problem *p, const adj_work *w, component c[
     double e[6], v[6];
     memset(c, 0, 6 * sizeof *c);
     for (uint32_t i = 0; i < p->n_frames; i++) {
+        if (p->frame[i].outlier)
+            continue;
         adj_error(p, i, e, NULL, NULL);
         adj_error_variance(w, p, i, v);
         for (int k = 0; k < 6; k++) {
             double t = adj_precision(p, k, i);
             c[k].squares += t * e[k] * e[k];
-            c[k].redundancy += t > 0 ? 1 - t * v[k] : 0;
+            c[k].redundancy += 1 - t * v[k];
         }
     }
 }

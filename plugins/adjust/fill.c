@@ -7,7 +7,6 @@
 
 #include "system.h"
 
-static const double LEAST = 1e-12; /* mm⁻², rad⁻²: what is known of an outlier that sees nothing */
 static const double NEAR = 0.2; /* of its distance: how far a line is moved in one step */
 enum { SHORTER = 5 };           /* tries to shorten it; the last is not to move it */
 
@@ -161,7 +160,7 @@ bool adj_system_fill(adj_system *s, const adj_problem *p, double damping) {
     add_prior(s, p);
     for (int c = 0; c < s->S.n; c++) {
         double *diagonal = &s->S.val[s->S.ptr[c + 1] - 1];
-        *diagonal += damping * *diagonal + LEAST;
+        *diagonal += damping * *diagonal;
     }
     return true;
 }

@@ -12,6 +12,8 @@
 #include <string.h>
 
 static const double BEHIND = 0.1; /* of a line's hold: nearer is not in front of the camera */
+/* The share of its weight that an outlier keeps, lest nothing hold it where it sees too little. */
+static const double BELIEVED = 1e-4;
 
 int adj_init(adj_problem *p, uint32_t frames, uint32_t lines, uint32_t views) {
     memset(p, 0, sizeof *p);
@@ -271,7 +273,8 @@ double adj_weight(const adj_problem *p, double d2) {
 }
 
 double adj_precision(const adj_problem *p, int axis, uint32_t frame) {
-    return p->frame[frame].outlier ? 0 : 1 / (p->sigma[axis] * p->sigma[axis]);
+    double weight = p->frame[frame].outlier ? BELIEVED : 1;
+    return weight / (p->sigma[axis] * p->sigma[axis]);
 }
 
 /* ---- all of it ------------------------------------------------------------------------------- */

@@ -130,7 +130,7 @@ double adj_scale(const adj_problem *p);
 void adj_error(const adj_problem *p, uint32_t frame, double e[6], double J[9],
                double G[6][ADJ_COMMON]);
 
-/* What the prior weighs along one axis: 1 / sigma², and nothing for an outlier. */
+/* What the prior weighs along one axis: 1 / sigma², and hardly anything for an outlier. */
 double adj_precision(const adj_problem *p, int axis, uint32_t frame);
 
 /* The sum of the losses of all views, each over its line's memory, of the prior, the lines' hold
