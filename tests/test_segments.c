@@ -905,6 +905,16 @@ static double pair_level(const void *scene, double x, double y) {
     return strip_level(&p->a, x, y) + strip_level(&p->b, x, y);
 }
 
+/* What is found of a strip of the picture, as edge points tell of both. */
+static const arris_segment *measure_beside(bench *b, const strip *s, const strip *other) {
+    edges_clear(&b->edges);
+    chain_along(&b->edges, s, -50, 50, 0.2, &b->seed);
+    chain_along(&b->edges, other, -50, 50, 0.2, &b->seed);
+    b->edges.noise = 2.02f;
+    bench_run(b);
+    return strip_find(s, &b->segments);
+}
+
 /* A faint neighbour takes no room from a strong edge, nor does it matter to it; one that is as
  * strong does. */
 static void faint_neighbours_take_no_room(void **state) {
@@ -918,13 +928,8 @@ static void faint_neighbours_take_no_room(void **state) {
             t.x += 5 * sin(s.angle), t.y -= 5 * cos(s.angle);
             t.bright = t.dark + (faint ? 20 : 150);
             picture_draw(&b.image, strip_level, &s, 2, &b.seed);
-            edges_clear(&b.edges);
-            chain_along(&b.edges, &s, -50, 50, 0.2, &b.seed);
-            chain_along(&b.edges, &t, -50, 50, 0.2, &b.seed);
-            b.edges.noise = 2.02f;
-            bench_run(&b);
+            const arris_segment *g = measure_beside(&b, &s, &t);
             summary_add(&m, &s, &b.segments, 2);
-            const arris_segment *g = strip_find(&s, &b.segments);
             told += g && g->blur > 0;
         }
         m = summary_end(m);
@@ -947,12 +952,7 @@ static void narrow_shading_is_no_bias(void **state) {
         end = s;
         end.x -= 5 * sin(s.angle), end.y += 5 * cos(s.angle);
         picture_draw(&b.image, strip_level, &s, 2, &b.seed);
-        edges_clear(&b.edges);
-        chain_along(&b.edges, &s, -50, 50, 0.2, &b.seed);
-        chain_along(&b.edges, &end, -50, 50, 0.2, &b.seed);
-        b.edges.noise = 2.02f;
-        bench_run(&b);
-        const arris_segment *g = strip_find(&s, &b.segments);
+        const arris_segment *g = measure_beside(&b, &s, &end);
         assert_non_null(g);
         strip_error e = strip_compare(&s, g);
         mean += e.offset / 200, nees += e.nees / 200;

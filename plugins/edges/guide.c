@@ -92,16 +92,13 @@ static bool foresee(const guide *g, const arris_line *l, const arris_pose *pose,
     return inside && isfinite(worst);
 }
 
-/* Sets how far the line's middle moves in the picture, px. Returns how far its ends and
- * that do in the mean. */
+/* Sets how the line's middle moves in the picture, px. Returns how far. */
 static double set_motion(const guide *g, const arris_foreseen *from, arris_foreseen *to) {
     double x, y;
     arris_distort(&g->lens, (from->x1 + from->x2) / 2, (from->y1 + from->y2) / 2, &x, &y);
     arris_distort(&g->lens, (to->x1 + to->x2) / 2, (to->y1 + to->y2) / 2, &to->dx, &to->dy);
     to->dx -= x, to->dy -= y;
-    return (hypot(to->x1 - from->x1, to->y1 - from->y1) + hypot(to->dx, to->dy) +
-            hypot(to->x2 - from->x2, to->y2 - from->y2)) /
-           3;
+    return hypot(to->dx, to->dy);
 }
 
 /* Whether another line may be so near to a stretch of this one, at its polarity, that one could be
