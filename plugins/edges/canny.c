@@ -57,7 +57,7 @@ canny *canny_new(int width, int height, const canny_params *p) {
     c->e.max = (uint32_t)max;
     c->e.item = malloc((max + EDGELS_BATCH) * sizeof *c->e.item);
     c->e.point = malloc((max + EDGELS_BATCH) * sizeof *c->e.point);
-    c->e.row = malloc(((size_t)height + 1) * sizeof *c->e.row);
+    c->e.row = malloc(((size_t)height + EDGELS_AFTER) * sizeof *c->e.row);
     if (c->e.item && c->e.point && c->e.row && gradient_init(&c->g, width, p->sigma) == 0 &&
         link_init(&c->l, width, max) == 0)
         return c;

@@ -211,11 +211,11 @@ void gradient_edgels(gradient *g, const arris_image *im, int shift, float low, f
                                   edgels *) = {pass_scalar, pass_vector, pass_avx2};
     int edge = g->radius + MARGIN;
     e->n = e->lost = 0;
-    memset(e->row, 0, ((size_t)im->height + 1) * sizeof *e->row);
+    memset(e->row, 0, ((size_t)im->height + EDGELS_AFTER) * sizeof *e->row);
     if (im->width <= 2 * edge || im->height <= 2 * edge)
         return;
     passes[path](g, im, shift, (int16_t)fminf(ceilf(low), INT16_MAX), dx, dy, e);
-    for (int y = im->height - edge + 1; y <= im->height; y++)
+    for (int y = im->height - edge + 1; y < im->height + EDGELS_AFTER; y++)
         e->row[y] = e->n;
 }
 

@@ -12,6 +12,7 @@ enum {
     GRADIENT_MAX_RADIUS = 12,
     GRADIENT_BITS = 14,
     EDGELS_BATCH = 16, /* written at once */
+    EDGELS_AFTER = 2,  /* entries after those of the rows: the end of the last, and of one more */
     EDGELS_ROW = 8192 + EDGELS_BATCH
 };
 
@@ -27,7 +28,7 @@ typedef struct edgels {
     uint32_t n, max, lost;
     edgel *item;
     arris_edge_point *point; /* of each */
-    uint32_t *row;           /* row y has items row[y] .. row[y + 1] - 1; height + 1 entries */
+    uint32_t *row; /* row y has items row[y] .. row[y + 1] - 1; height + EDGELS_AFTER entries */
 } edgels;
 
 /* Edgels of the row that is being worked on: the column, the gradient, and its size here and one
