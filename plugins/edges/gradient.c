@@ -139,20 +139,24 @@ AVX2_PATH static inline uint64_t mark_avx2(const int16_t *up, const int16_t *m, 
 
 /* Finds the edgels of a row, the middle of three, in the columns x0 to x1 - 1. */
 INLINE void find(gradient *g, int x0, int x1, int16_t low, uint32_t room, uint32_t *lost,
-                 marker *set, appender *take) {
+                 marker *set, collector *take) {
     int16_t least = (int16_t)(low - 2);
-    g->found.n = 0;
-    for (int x = x0; x < x1; x += CHUNK) {
-        if (!any_above(g->m[1] + x, least))
-            continue;
-        uint64_t bits = set(g->m[0] + x, g->m[1] + x, g->m[2] + x, least);
+    uint32_t n = 0;
+    int words = 0;
+    for (int x = x0; x < x1; x += CHUNK, words++) {
+        uint64_t bits = 0;
+        if (any_above(g->m[1] + x, least))
+            bits = set(g->m[0] + x, g->m[1] + x, g->m[2] + x, least);
         if (x1 - x < CHUNK)
             bits &= (UINT64_C(1) << (x1 - x)) - 1;
-        if (room - (uint32_t)g->found.n >= CHUNK)
-            take(g, x, bits, low);
-        else
-            *lost += (uint32_t)__builtin_popcountll(bits);
+        g->marked[words] = bits;
+        n += (uint32_t)__builtin_popcountll(bits);
     }
+    g->found.n = 0;
+    if (n <= room)
+        take(g, x0, words, low);
+    else
+        *lost += n;
 }
 
 /* ---- the pass ------------------------------------------------------------------------------- */
@@ -164,7 +168,7 @@ static void turn(int16_t **row, int n) {
 }
 
 INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, float dx, float dy,
-                 edgels *e, marker *set, appender *take) {
+                 edgels *e, marker *set, collector *take) {
     int r = g->radius, w = im->width, h = im->height, edge = r + MARGIN;
     float unit = gradient_unit(shift);
     for (int y = 0; y < h; y++) {
@@ -188,20 +192,20 @@ INLINE void pass(gradient *g, const arris_image *im, int shift, int16_t low, flo
 
 SCALAR_PATH static void pass_scalar(gradient *g, const arris_image *im, int shift, int16_t low,
                                     float dx, float dy, edgels *e) {
-    pass(g, im, shift, low, dx, dy, e, mark, append);
+    pass(g, im, shift, low, dx, dy, e, mark, collect);
 }
 
 static void pass_vector(gradient *g, const arris_image *im, int shift, int16_t low, float dx,
                         float dy, edgels *e) {
-    pass(g, im, shift, low, dx, dy, e, mark, append);
+    pass(g, im, shift, low, dx, dy, e, mark, collect);
 }
 
 AVX2_PATH static void pass_avx2(gradient *g, const arris_image *im, int shift, int16_t low,
                                 float dx, float dy, edgels *e) {
 #if defined(__x86_64__)
-    pass(g, im, shift, low, dx, dy, e, mark_avx2, append_avx2);
+    pass(g, im, shift, low, dx, dy, e, mark_avx2, collect_avx2);
 #else
-    pass(g, im, shift, low, dx, dy, e, mark, append);
+    pass(g, im, shift, low, dx, dy, e, mark, collect);
 #endif
 }
 

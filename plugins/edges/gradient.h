@@ -31,13 +31,21 @@ typedef struct edgels {
     uint32_t *row; /* row y has items row[y] .. row[y + 1] - 1; height + EDGELS_AFTER entries */
 } edgels;
 
-/* Edgels of the row that is being worked on: the column, the gradient, and its size here and one
- * pixel to either side along the main axis, in some unit; the lowest bit of `here` says that this
- * is x. */
+/* Edgels of the row that is being worked on, field by field: the column, the gradient, and its size
+ * here and one pixel to either side along the main axis, in some unit; the lowest bit of ROW_HERE
+ * says that this is x. */
+enum {
+    ROW_X,
+    ROW_GX = EDGELS_ROW,
+    ROW_GY = 2 * EDGELS_ROW,
+    ROW_BEFORE = 3 * EDGELS_ROW,
+    ROW_HERE = 4 * EDGELS_ROW,
+    ROW_AFTER = 5 * EDGELS_ROW,
+    ROW_END = 6 * EDGELS_ROW
+};
 typedef struct edgel_row {
     int32_t n;
-    int16_t x[EDGELS_ROW], gx[EDGELS_ROW], gy[EDGELS_ROW];
-    int16_t before[EDGELS_ROW], here[EDGELS_ROW], after[EDGELS_ROW];
+    int16_t field[ROW_END];
 } edgel_row;
 
 typedef struct gradient {
@@ -47,6 +55,8 @@ typedef struct gradient {
     int16_t *in[2 * GRADIENT_MAX_RADIUS + 1], *s[4], *m[3];
     int16_t *vertical;                                  /* a row smoothed in y only */
     const int16_t *column[2 * GRADIENT_MAX_RADIUS + 1]; /* the same from its i-th pixel on */
+    uint64_t marked[EDGELS_ROW / 64]; /* the pixels of a row that may be edgels, by bits */
+    uint32_t eights[EDGELS_ROW / 8];
     edgel_row found;
     /* For each set of eight pixels: where in them the bytes are of those that are in it. */
     uint8_t squeeze[256][16];
