@@ -35,6 +35,8 @@ INLINE int whole(int n) {
 INLINE void load_row(const arris_image *im, int y, int shift, int16_t *restrict out) {
     int n = im->width;
     const uint8_t *p = im->data + y * im->stride;
+    for (int x = 0; x < n * (int)im->format; x += CHUNK) /* a large picture's rows come from far */
+        __builtin_prefetch(p + im->stride + x);
     if (im->format == ARRIS_GREY8) {
         for (int x = 0; x < n; x++)
             out[x] = (int16_t)(p[x] << (BITS - 8));
@@ -96,6 +98,8 @@ INLINE uint64_t mark(const int16_t *restrict up, const int16_t *restrict m,
                      const int16_t *restrict down, int16_t least) {
     uint8_t mask[CHUNK];
     uint64_t bits = 0;
+    if (!any_above(m, least))
+        return 0;
     for (int x = 0; x < CHUNK; x++) {
         int16_t c = m[x], h = (int16_t) - (c & 1);
         int16_t a = (int16_t)((h & m[x - 1]) | (~h & up[x]));
@@ -125,8 +129,14 @@ AVX2_PATH static inline __m256i mark_sixteen(const int16_t *up, const int16_t *m
 
 AVX2_PATH static inline uint64_t mark_avx2(const int16_t *up, const int16_t *m, const int16_t *down,
                                            int16_t least) {
+    const __m256i *of = (const void *)m;
+    __m256i most = _mm256_max_epi16(_mm256_loadu_si256(of), _mm256_loadu_si256(of + 1));
+    most = _mm256_max_epi16(most, _mm256_loadu_si256(of + 2));
+    most = _mm256_max_epi16(most, _mm256_loadu_si256(of + 3));
     __m256i low = _mm256_set1_epi16(least);
     uint64_t bits = 0;
+    if (!_mm256_movemask_epi8(_mm256_cmpgt_epi16(most, low)))
+        return 0;
     for (int x = 0; x < CHUNK; x += 32) {
         __m256i a = mark_sixteen(up + x, m + x, down + x, low);
         __m256i b = mark_sixteen(up + x + 16, m + x + 16, down + x + 16, low);
@@ -144,9 +154,7 @@ INLINE void find(gradient *g, int x0, int x1, int16_t low, uint32_t room, uint32
     uint32_t n = 0;
     int words = 0;
     for (int x = x0; x < x1; x += CHUNK, words++) {
-        uint64_t bits = 0;
-        if (any_above(g->m[1] + x, least))
-            bits = set(g->m[0] + x, g->m[1] + x, g->m[2] + x, least);
+        uint64_t bits = set(g->m[0] + x, g->m[1] + x, g->m[2] + x, least);
         if (x1 - x < CHUNK)
             bits &= (UINT64_C(1) << (x1 - x)) - 1;
         g->marked[words] = bits;
