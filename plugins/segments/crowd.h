@@ -44,17 +44,16 @@ INLINE const uint8_t *crowd_view(const crowd *c, bool columns, bool clear_only, 
 /* Of eight pixels, the distance in px to the nearest of the points around them that is more than
  * `own` px away, own < CROWD_REACH; CROWD_REACH + 1 when there is none. */
 INLINE void crowd_nearest(const eight_ints *around, int own, eight_ints *distance) {
-    /* the nearest one is bit `side` before the pixel and bit 0 after it; another bit beyond the
-     * reach stands for none */
-    int side = CROWD_REACH - own;
-    eight_ints before = (*around << 1 & ((2 << side) - 1)) | 1;
-    eight_ints after = *around >> (CROWD_REACH + 1 + own) | 1 << side;
+    /* bit CROWD_REACH is the pixel's; another beyond the reach stands for none */
+    eight_ints clear = *around & ~(((2 << 2 * own) - 1) << (CROWD_REACH - own));
+    eight_ints before = clear & ((1 << CROWD_REACH) - 1);
+    eight_ints after = clear >> (CROWD_REACH + 1) | 1 << CROWD_REACH;
     after &= -after;
     /* a float's exponent is the place of the highest bit */
     eight_ints left = (eight_ints) __builtin_convertvector(before, eight) >> 23;
     eight_ints right = (eight_ints) __builtin_convertvector(after, eight) >> 23;
-    left = side + 127 - left, right -= 127;
-    *distance = own + 1 + EIGHT_LEAST(left, right);
+    left = CROWD_REACH + 127 - left, right -= 126;
+    *distance = EIGHT_LEAST(left, right);
 }
 
 #endif

@@ -165,8 +165,9 @@ static bool find_step(state *s, const rows *r) {
 
 /* ---- the line through the rows' offsets ----------------------------------------------------- */
 
-/* Turns the filters' answers into offsets across the line. Of the blur of a contrast that fades
- * along the line, a ramp in a row that is aslant, only the part across the line is there. */
+/* Turns the filters' answers into offsets across the line, and fills up the last eight. Of the blur
+ * of a contrast that fades along the line, a ramp in a row that is aslant, only the part across the
+ * line is there. */
 INLINE void offsets(refitter *f, const state *s) {
     const rows *r = &f->rows;
     float c0 = (float)s->contrast[0], c1 = (float)s->contrast[1], lean = (float)s->lean;
@@ -188,8 +189,11 @@ INLINE void offsets(refitter *f, const state *s) {
         f->offset[i] = -r->across[i] * r->shift[i] - across * answer;
         f->weight[i] = 1 / (EIGHT_ABS(across) * (noise + noise * lean * o[STEP_UNSURE]));
     }
-    for (uint32_t i = r->n; i % LANES; i++)
-        f->offset[i / LANES][i % LANES] = f->weight[i / LANES][i % LANES] = 0;
+    uint32_t last = (r->n - 1) / LANES;
+    eight_ints in = (eight_ints){0, 1, 2, 3, 4, 5, 6, 7} < (int32_t)(r->n - last * LANES);
+    r->t[last] = (eight)((eight_ints)r->t[last] & in);
+    f->offset[last] = (eight)((eight_ints)f->offset[last] & in);
+    f->weight[last] = (eight)((eight_ints)f->weight[last] & in);
 }
 
 static void offsets_portable(refitter *f, const state *s) {
@@ -265,7 +269,7 @@ static double bent(const state *s, const rows *r, double square) {
 /* Measures the rows by the filters for the blur. */
 static bool measure(state *s, rows *r) {
     s->scale = step_scale((float)s->blur * r->slant);
-    rows_measure(r, s->scale, s->base, s->shift);
+    rows_measure(r, s->scale);
     s->left = left_over(&r->sum);
     bool found = find_step(s, r);
     s->blur = (double)(step_blur(s->scale) / r->slant) * (1 + s->widen);
@@ -286,6 +290,7 @@ static bool improve(refitter *f, state *s, double gradient) {
         return false;
     if (!(s->blur > 0) && !first_look(s, r, gradient))
         return false;
+    rows_fetch(r, s->base, s->shift);
     if (!measure(s, r) || (mistook_blur(s, r) && !measure(s, r)))
         return false;
     find_offsets(f, s);

@@ -19,8 +19,9 @@ int rows_init(rows *r, int width, int height) {
         (size_t)(width > height ? width : height) / LANES + 2; /* whole eights are appended */
     *r = (rows){.max = (uint32_t)(LANES * n)};
     r->place = malloc(r->max * sizeof *r->place);
+    r->pixels = aligned_alloc(sizeof *r->pixels, r->max * sizeof *r->pixels);
     eight *p = r->t = aligned_alloc(sizeof(eight), (3 + 2 * LANES) * n * sizeof(eight));
-    if (!r->place || !p)
+    if (!r->place || !r->pixels || !p)
         return ARRIS_E_MEMORY;
     r->across = p += n;
     r->shift = p += n;
@@ -31,6 +32,7 @@ int rows_init(rows *r, int width, int height) {
 
 void rows_free(rows *r) {
     free(r->place);
+    free(r->pixels);
     free(r->t);
 }
 
@@ -78,14 +80,12 @@ INLINE void transpose(two_rows *v) {
 }
 
 static bool block_has(const block *b, const row_place *q) {
-    return q->line >= b->line && q->line < b->line + BLOCK_LINES && q->at >= b->at + STEP_HALF &&
-           q->at <= b->at + BLOCK_PIXELS - STEP_HALF;
+    return (uint32_t)(q->line - b->line) < BLOCK_LINES &&
+           (uint32_t)(q->at - STEP_HALF - b->at) <= BLOCK_PIXELS - STEP_WIDTH;
 }
 
 /* Takes in the columns from that of `q` on, and the pixels that a line needs which goes on to
  * greater places in them when `rising`. The picture is at least as large as a block. */
-typedef void loader(block *b, const arris_image *im, const row_place *q, bool rising);
-
 INLINE void block_load(block *b, const arris_image *im, const row_place *q, bool rising) {
     int at = rising ? q->at - STEP_HALF - 1 : q->at + STEP_HALF + 1 - BLOCK_PIXELS;
     int last = im->width - BLOCK_LINES, end = im->height - BLOCK_PIXELS;
@@ -103,47 +103,65 @@ INLINE void block_load(block *b, const arris_image *im, const row_place *q, bool
     transpose(b->column);
 }
 
-__attribute__((noinline)) static void load_portable(block *b, const arris_image *im,
-                                                    const row_place *q, bool rising) {
-    block_load(b, im, q, rising);
-}
-
-__attribute__((noinline)) AVX2_PATH static void load_avx2(block *b, const arris_image *im,
-                                                          const row_place *q, bool rising) {
-    block_load(b, im, q, rising);
-}
-
-/* The last pixel whose sixteen can be read at once, the first being STEP_HALF; -1: there are none.
- */
-static int last_whole(const rows *r) {
+/* How many places for a line, from STEP_HALF on, have sixteen pixels that can be read at once. */
+static uint32_t whole_places(const rows *r) {
     const arris_image *im = r->image;
-    bool small = r->columns && (im->width < BLOCK_LINES || im->height < BLOCK_PIXELS);
-    return im->format != ARRIS_GREY8 || small ? -1
-                                              : (r->columns ? im->height : im->width) - STEP_HALF;
+    int width = r->columns ? im->height : im->width, lines = r->columns ? im->width : im->height;
+    bool small =
+        width < (r->columns ? BLOCK_PIXELS : STEP_WIDTH) || (r->columns && lines < BLOCK_LINES);
+    return im->format != ARRIS_GREY8 || small ? 0 : width - STEP_WIDTH + 1;
 }
 
-/* The pixels of a row as differences from the base; those that are not within its half are 0. */
-INLINE void fetch(const rows *r, const row_place *q, int last, int base, int shift, block *b,
-                  loader *load, int16_t *px) {
-    const arris_image *im = r->image;
-    const int16_t *inside = r->steps->inside[q->half - STEP_MIN];
-    const uint8_t *p;
-    if (q->at < STEP_HALF || q->at > last) {
-        fetch_some(r, q, base, shift, px);
-        return;
-    }
-    if (r->columns) {
-        if (!block_has(b, q))
-            load(b, im, q, r->place[r->n - 1].at >= r->place[0].at);
-        p = (const uint8_t *)&b->column[q->line - b->line] + (q->at - STEP_HALF - b->at);
-    } else {
-        p = im->data + q->line * im->stride + q->at - STEP_HALF;
-    }
+/* Sixteen levels less the base. */
+INLINE void take_off(const uint8_t *p, int16_t base, sixteen *px) {
     bytes level;
     memcpy(&level, p, sizeof level);
     for (int j = 0; j < STEP_WIDTH; j++)
-        px[j] = (int16_t)((level[j] - base) & inside[j]);
+        (*px)[j] = (int16_t)(level[j] - base);
 }
+
+INLINE void fetch(rows *r, int base, int shift) {
+    const arris_image im = *r->image;
+    const row_place *q = r->place, *end = q + r->n;
+    const uint32_t whole = whole_places(r);
+    sixteen *px = r->pixels;
+    block b;
+    if (!r->columns) {
+        for (; q < end; q++, px++)
+            if ((uint32_t)(q->at - STEP_HALF) < whole)
+                take_off(im.data + q->line * im.stride + (q->at - STEP_HALF), (int16_t)base, px);
+            else
+                fetch_some(r, q, base, shift, (int16_t *)px);
+        return;
+    }
+    bool rising = end[-1].at >= q->at;
+    b.line = -BLOCK_LINES; /* holds nothing */
+    for (; q < end; q++, px++) {
+        if ((uint32_t)(q->at - STEP_HALF) >= whole) {
+            fetch_some(r, q, base, shift, (int16_t *)px);
+            continue;
+        }
+        if (!block_has(&b, q))
+            block_load(&b, &im, q, rising);
+        take_off((uint8_t *)&b.column[q->line - b.line] + (q->at - STEP_HALF - b.at), (int16_t)base,
+                 px);
+    }
+}
+
+static void fetch_portable(rows *r, int base, int shift) {
+    fetch(r, base, shift);
+}
+
+AVX2_PATH static void fetch_avx2(rows *r, int base, int shift) {
+    fetch(r, base, shift);
+}
+
+void rows_fetch(rows *r, int base, int shift) {
+    r->unit = (float)(1 << shift);
+    (HAS_AVX2 && !r->portable ? fetch_avx2 : fetch_portable)(r, base, shift);
+}
+
+/* ---- what it tells -------------------------------------------------------------------------- */
 
 /* The filters' answers to sixteen pixels, and the squares of these, in pairs. */
 typedef void filter(const step_filter *f, const int16_t *px, eight_ints *answer,
@@ -156,36 +174,33 @@ static inline void filter_portable(const step_filter *f, const int16_t *px, eigh
         int32_t a = px[2 * i], b = px[2 * i + 1];
         for (int k = 0; k < 8; k++)
             sum[k] += a * f->w[i][k][0] + b * f->w[i][k][1];
+        a &= f->inside[2 * i], b &= f->inside[2 * i + 1];
         (*square)[i] = a * a + b * b;
     }
     memcpy(answer, sum, sizeof sum);
 }
 
 #if defined(__x86_64__)
-/* Pairs of pixels times their weights in the eight filters. */
-AVX2_PATH static inline __m256i products(__m256i pixels, const __m256i *w) {
-    return _mm256_madd_epi16(pixels, _mm256_loadu_si256(w));
+/* A pair of pixels times its weights in the eight filters. */
+AVX2_PATH static inline __m256i products(const step_filter *f, const int16_t *px, int i) {
+    int32_t pair;
+    memcpy(&pair, px + 2 * i, sizeof pair);
+    return _mm256_madd_epi16(_mm256_set1_epi32(pair), _mm256_loadu_si256((const void *)f->w[i]));
 }
 
-AVX2_PATH static inline __m256i twice(const int16_t *px) {
-    return _mm256_broadcastsi128_si256(_mm_loadu_si128((const void *)px));
-}
-
-AVX2_PATH static inline __m256i half_sum(__m256i half, const __m256i *w) {
-    __m256i a = products(_mm256_shuffle_epi32(half, 0x00), w);
-    __m256i b = products(_mm256_shuffle_epi32(half, 0x55), w + 1);
-    __m256i c = products(_mm256_shuffle_epi32(half, 0xAA), w + 2);
-    __m256i d = products(_mm256_shuffle_epi32(half, 0xFF), w + 3);
-    return _mm256_add_epi32(_mm256_add_epi32(a, b), _mm256_add_epi32(c, d));
+AVX2_PATH static inline __m256i half_sum(const step_filter *f, const int16_t *px, int i) {
+    __m256i a = _mm256_add_epi32(products(f, px, i), products(f, px, i + 1));
+    __m256i b = _mm256_add_epi32(products(f, px, i + 2), products(f, px, i + 3));
+    return _mm256_add_epi32(a, b);
 }
 
 AVX2_PATH static inline void filter_avx2(const step_filter *f, const int16_t *px,
                                          eight_ints *answer, eight_ints *square) {
-    const __m256i *w = (const void *)f->w;
-    __m256i all = _mm256_loadu_si256((const void *)px);
-    __m256i first = half_sum(twice(px), w), second = half_sum(twice(px + 8), w + 4);
-    _mm256_storeu_si256((void *)answer, _mm256_add_epi32(first, second));
-    _mm256_storeu_si256((void *)square, _mm256_madd_epi16(all, all));
+    __m256i inside = _mm256_loadu_si256((const void *)f->inside);
+    inside = _mm256_and_si256(inside, _mm256_loadu_si256((const void *)px));
+    __m256i sum = _mm256_add_epi32(half_sum(f, px, 0), half_sum(f, px, 4));
+    _mm256_storeu_si256((void *)answer, sum);
+    _mm256_storeu_si256((void *)square, _mm256_madd_epi16(inside, inside));
 }
 #endif
 
@@ -194,60 +209,55 @@ INLINE void add(row_sums *s, const step_filter *f, const eight *answers, float t
     s->answer += answer;
     s->answer_t += answer * t;
     s->weight += weight;
-    s->weight_t += weight * t;
-    s->weight_tt += weight * (t * t);
+    weight *= t;
+    s->weight_t += weight;
+    s->weight_tt += weight * t;
     s->explained += *answers * *answers;
     float slope = (*answers)[STEP_SLOPE];
     s->total += f->part * (four){1, 1, slope, slope};
 }
 
 /* `filters` are those of one scale. */
-INLINE void measure(rows *r, const step_filter *filters, int base, int shift, loader *load,
-                    filter *answer_to) {
+INLINE void measure(rows *r, const step_filter *filters, filter *answer_to) {
     const float *t = (const float *)r->t;
     const row_place *place = r->place;
+    const sixteen *pixels = r->pixels;
     eight *answers = r->answers, *offset = r->offset;
-    uint32_t n = r->n;
-    float unit = (float)(1 << shift), per_answer = unit / STEP_UNIT;
+    float per_answer = r->unit / STEP_UNIT;
     row_sums all = {0};
-    block columns;
-    columns.line = -BLOCK_LINES; /* holds nothing */
-    int last = last_whole(r);
-    for (uint32_t i = 0; i < n; i++) {
+    for (uint32_t i = 0, n = r->n; i < n; i++) {
         const step_filter *f = &filters[place[i].filter];
-        int16_t px[STEP_WIDTH];
         eight_ints sum, square;
-        fetch(r, &place[i], last, base, shift, &columns, load, px);
-        answer_to(f, px, &sum, &square);
+        answer_to(f, (const int16_t *)&pixels[i], &sum, &square);
         eight a = __builtin_convertvector(sum, eight) * per_answer;
         add(&all, f, &a, t[i]);
         all.squares += __builtin_convertvector(square, eight);
         answers[i] = a;
         offset[i] = f->offset;
     }
-    all.squares *= unit * unit;
+    all.squares *= r->unit * r->unit;
     r->sum = all;
 }
 
-static void measure_portable(rows *r, const step_filter *f, int base, int shift) {
-    measure(r, f, base, shift, load_portable, filter_portable);
+static void measure_portable(rows *r, const step_filter *f) {
+    measure(r, f, filter_portable);
 }
 
 #if defined(__x86_64__)
-AVX2_PATH static void measure_avx2(rows *r, const step_filter *f, int base, int shift) {
-    measure(r, f, base, shift, load_avx2, filter_avx2);
+AVX2_PATH static void measure_avx2(rows *r, const step_filter *f) {
+    measure(r, f, filter_avx2);
 }
 #endif
 
-void rows_measure(rows *r, int scale, int base, int shift) {
+void rows_measure(rows *r, int scale) {
     const step_filter *filters = r->steps->f[scale][0];
 #if defined(__x86_64__)
     if (HAS_AVX2 && !r->portable) {
-        measure_avx2(r, filters, base, shift);
+        measure_avx2(r, filters);
         return;
     }
 #endif
-    measure_portable(r, filters, base, shift);
+    measure_portable(r, filters);
 }
 
 /* ---- a first look --------------------------------------------------------------------------- */

@@ -28,6 +28,9 @@ typedef struct row_place {
     uint16_t none;
 } row_place;
 
+/* The pixels of a row less the base, STEP_HALF to either side. */
+typedef int16_t sixteen __attribute__((vector_size(32), aligned(16)));
+
 /* Sums over the rows; those of lanes are weighted by the filters' responses. */
 typedef struct row_sums {
     eight answer, answer_t;            /* answers, and times t */
@@ -56,7 +59,9 @@ typedef struct rows {
     float end;     /* px along the line that are kept from its end */
     row_sums sum;
     row_place *place; /* of each row */
-    /* likewise, in eights; the last eight are filled up with copies */
+    sixteen *pixels;  /* likewise, in units of `unit` levels */
+    float unit;
+    /* likewise, in eights; the last is not filled up */
     eight *t;      /* place along the line from its middle, px */
     eight *across; /* px across the line, to its right, per px of the row */
     eight *shift;  /* px of the row from the place that the filter assumes to the line */
@@ -83,8 +88,11 @@ enum { ROWS_PROBED = 6 };
  * at the two pixels before and the two behind it, and as far behind it. There must be rows. */
 void rows_probe(const rows *r, int reach, double level[ROWS_PROBED]);
 
-/* Measures the rows by the filters of a scale. `base` is a grey level near those of the step, taken
- * off first, and 2^shift levels are the unit: what is further off than STEP_MOST of them is cut. */
-void rows_measure(rows *r, int scale, int base, int shift);
+/* Fetches the rows' pixels. There must be rows. `base` is a grey level near those of the step,
+ * taken off, and 2^shift levels are the unit: what is further off than STEP_MOST of them is cut. */
+void rows_fetch(rows *r, int base, int shift);
+
+/* Measures the rows that were fetched by the filters of a scale. */
+void rows_measure(rows *r, int scale);
 
 #endif

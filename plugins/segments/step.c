@@ -67,6 +67,8 @@ static void make(step_filter *f, double s, int half, double shift) {
     double length[STEP_FILTERS] = {0};
     /* narrow rows have too few pixels to tell slopes; a kink, where the step leaves some of them */
     bool kinked = half > STEP_MIN && half >= RESOLVED * s;
+    for (int j = STEP_HALF - half; j < STEP_HALF + half; j++)
+        f->inside[j] = -1;
     int parts = half >= 5 ? STEP_FILTERS : kinked ? STEP_SLOPE : STEP_KINK;
     model(v, s, half, shift, parts);
     model(wider, 1.01 * s, half, shift, parts);
@@ -104,9 +106,6 @@ void step_init(step_table *t) {
             for (int p = 0; p < STEP_PHASES; p++)
                 make(&t->f[k][half - STEP_MIN][p], (double)step_blur(k), half,
                      (p + 0.5) / STEP_PHASES);
-    for (int half = STEP_MIN; half <= STEP_HALF; half++)
-        for (int j = STEP_HALF - half; j < STEP_HALF + half; j++)
-            t->inside[half - STEP_MIN][j] = -1;
 }
 
 /* A float's bits from the exponent to the third of the mantissa count eighths of octaves. */

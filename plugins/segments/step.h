@@ -59,6 +59,7 @@ enum {
  * from the step; those outside of the half-width have weight 0. */
 typedef struct step_filter {
     int16_t w[STEP_WIDTH / 2][8][2]; /* of each pair of pixels in each filter */
+    int16_t inside[STEP_WIDTH];      /* -1 for pixels within the half-width, 0 else */
     /* What the filters answer to one level, one level of contrast, per level of contrast one px
      * towards the dark and blur that grows by a factor of e, and slopes of one level per px. */
     eight response;
@@ -70,7 +71,6 @@ typedef struct step_filter {
 
 typedef struct step_table {
     step_filter f[STEP_SCALES][STEP_HALF + 1 - STEP_MIN][STEP_PHASES];
-    int16_t inside[STEP_HALF + 1 - STEP_MIN][STEP_WIDTH]; /* -1 within a half-width, 0 else */
 } step_table;
 
 void step_init(step_table *t);

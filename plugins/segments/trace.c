@@ -37,9 +37,9 @@ static node node_at(const rows *r, const row_line *l, double t, double d, float 
     return r->columns ? (node){py, px, t} : (node){px, py, t};
 }
 
-/* A value at the first row, its change to the next, and the change of that. */
+/* A parabola over the rows, by their numbers from that of the first on. */
 typedef struct course {
-    double value, step, bend;
+    double value, step, bend; /* value + step i + bend i² */
 } course;
 
 /* Where a parabola is known, and the reciprocals of the differences. */
@@ -51,7 +51,7 @@ typedef struct places {
 static course through(const places *p, double a, double b, double c, int first) {
     double ab = (b - a) * p->per01, bc = (c - b) * p->per12, bend = (bc - ab) * p->per02;
     double from0 = first - p->v[0], from1 = first - p->v[1];
-    return (course){a + from0 * (ab + from1 * bend), ab + (from0 + from1 + 1) * bend, 2 * bend};
+    return (course){a + from0 * (ab + from1 * bend), ab + (from0 + from1) * bend, bend};
 }
 
 /* A stretch of the line: how it crosses the rows first .. end - 1. */
@@ -113,8 +113,8 @@ static bool stretch_bent(const rows *r, const row_line *l, double t0, double t1,
     double middle = l->length / 2, slope = (b.u - a.u) * at.per02, first, last;
     s->u = through(&at, a.u, m.u, b.u, s->first);
     s->t = through(&at, a.t - middle, m.t - middle, b.t - middle, s->first);
-    first = across_at(&a, &right_of_a, slope - s->u.bend / 2 * (b.v - a.v));
-    last = across_at(&b, &right_of_b, slope + s->u.bend / 2 * (b.v - a.v));
+    first = across_at(&a, &right_of_a, slope - s->u.bend * (b.v - a.v));
+    last = across_at(&b, &right_of_b, slope + s->u.bend * (b.v - a.v));
     s->across = through(&at, first, (first + last) / 2, last, s->first);
     s->per_along = (float)(sqrt(1 + slope * slope) / fmax(fabs(slope), 1e-3));
     return true;
@@ -136,24 +136,19 @@ typedef struct eight_rows {
     eight_ints kept; /* all bits for those that have room */
 } eight_rows;
 
-/* A course over eight rows, relative to `base`, and on. */
-INLINE void follow(course *c, double base, eight *value) {
-    const eight k = {0, 1, 2, 3, 4, 5, 6, 7}, bends = {0, 0, 1, 3, 6, 10, 15, 21};
-    *value = (float)(c->value - base) + k * (float)c->step + bends * (float)c->bend;
-    c->value += LANES * c->step + 28 * c->bend, c->step += LANES * c->bend;
-}
-
 /* The points around the line, which were where it was then. */
 INLINE void look_around(const rows *r, eight_rows *e) {
     size_t stride;
     const uint8_t *bits = crowd_view(r->crowd, r->columns, r->clear_only, &stride);
-    const eight_ints zero = {0};
-    int width = r->columns ? r->image->height : r->image->width;
-    int lines = r->columns ? r->image->width : r->image->height;
-    eight_ints at = e->before - (e->part > 0.5f) - r->moved[r->columns], bit, byte;
-    eight_ints line = e->line - r->moved[!r->columns];
-    at = EIGHT_MOST(EIGHT_LEAST(at, zero + (width - 1)), zero);
-    line = EIGHT_MOST(EIGHT_LEAST(line, zero + (lines - 1)), zero);
+    eight_ints at = e->before - (e->part > 0.5f), line = e->line, bit, byte;
+    if (r->moved[0] | r->moved[1]) {
+        const eight_ints zero = {0};
+        int width = r->columns ? r->image->height : r->image->width;
+        int lines = r->columns ? r->image->width : r->image->height;
+        at -= r->moved[r->columns], line -= r->moved[!r->columns];
+        at = EIGHT_MOST(EIGHT_LEAST(at, zero + (width - 1)), zero);
+        line = EIGHT_MOST(EIGHT_LEAST(line, zero + (lines - 1)), zero);
+    }
     bit = at + CROWD_FIRST;
     byte = line * (int32_t)stride + (bit >> 3);
     for (int k = 0; k < LANES; k++) {
@@ -164,18 +159,29 @@ INLINE void look_around(const rows *r, eight_rows *e) {
     e->around = (eight_ints)((eight_bits)e->around >> (eight_bits)(bit & 7));
 }
 
+/* A course at the numbers i. */
+INLINE void follow(const course *c, const eight *i, eight *value) {
+    *value = (float)c->value + *i * ((float)c->step + *i * (float)c->bend);
+}
+
+/* A pixel that no row of the stretch crosses the line before. */
+static int least_place(const stretch *s, int width) {
+    double n = s->end - 1 - s->first, last = s->u.value + n * (s->u.step + n * s->u.bend);
+    double least = fmin(s->u.value, last) - n * n / 4 * fabs(s->u.bend);
+    return least > 0 ? (int)fmin(least, width - 1) : 0;
+}
+
 /* The eight rows from `first` on; what is beyond the stretch repeats its end. */
-INLINE void follow_all(const rows *r, const stretch *s, course *u, course *t, course *across,
-                       int first, int width, eight_rows *e) {
+INLINE void follow_all(const rows *r, const stretch *s, int first, int base, int width,
+                       eight_rows *e) {
     const eight_ints row = {0, 1, 2, 3, 4, 5, 6, 7};
-    double last = u->value + (LANES - 1) * u->step, base = u->value < last ? u->value : last;
-    eight x, zero = {0};
-    base = base > 1 ? base - 1 : 0;
-    base = (int)(base < width ? base : width - 1);
-    eight most = zero + ((float)(width - 1) - (float)base);
-    follow(u, base, &x);
-    follow(t, 0, &e->t);
-    follow(across, 0, &e->across);
+    const eight ahead = {0, 1, 2, 3, 4, 5, 6, 7};
+    double i = first - s->first, bend = s->u.bend;
+    course u = {s->u.value + i * (s->u.step + i * bend) - base, s->u.step + 2 * i * bend, bend};
+    eight x, at = ahead + (float)i, zero = {0}, most = zero + (float)(width - 1 - base);
+    follow(&u, &ahead, &x);
+    follow(&s->t, &at, &e->t);
+    follow(&s->across, &at, &e->across);
     x = EIGHT_CHOOSE(x > 0, x, zero);
     x = EIGHT_CHOOSE(x < most, x, most);
     e->before = __builtin_convertvector(x, eight_ints);
@@ -204,18 +210,23 @@ INLINE void fit_in(const rows *r, const stretch *s, int left, int width, eight_r
     half = EIGHT_LEAST(half, behind);
     /* a filter's phase counts from the pixel behind */
     eight_ints cell = __builtin_convertvector(part * STEP_PHASES, eight_ints);
-    cell += cell == STEP_PHASES; /* rounded up */
     e->shift = part - (__builtin_convertvector(cell, eight) + 0.5f) / STEP_PHASES;
     e->half = half;
     e->filter = (half - STEP_MIN) * STEP_PHASES + STEP_PHASES - 1 - cell;
-    e->kept =
-        (half >= STEP_MIN) & (row < left) & (before < width - 1) & ((before > 0) | (part > 0));
+    e->kept = (half >= STEP_MIN) & (row < left);
     /* whole halves of a px, as a neighbour may be a little nearer; a float's bits are nearly its
      * binary logarithm */
     eight_ints halves =
         __builtin_convertvector(__builtin_convertvector(near, eight) * (2 / r->slant), eight_ints);
-    eight power = PULL_NONE - __builtin_convertvector(halves, eight) * (PULL_FALL / 2);
-    *pull = (eight) __builtin_convertvector((power + 127) * (1 << 23), eight_ints);
+    eight power = (PULL_NONE + 127) * (1 << 23) -
+                  __builtin_convertvector(halves, eight) * (PULL_FALL / 2 * (1 << 23));
+    *pull = (eight) __builtin_convertvector(power, eight_ints);
+}
+
+INLINE int32_t sum(const eight_ints *a) {
+    eight_ints b = *a + __builtin_shufflevector(*a, *a, 4, 5, 6, 7, 0, 1, 2, 3);
+    b += __builtin_shufflevector(b, b, 2, 3, 0, 1, 6, 7, 4, 5);
+    return b[0] + b[1];
 }
 
 /* Appends those of the eight that have room; mostly that is all of them. */
@@ -231,9 +242,7 @@ INLINE void keep(rows *r, const eight_rows *e) {
     memcpy(t, &e->t, sizeof e->t);
     memcpy(across, &e->across, sizeof e->across);
     memcpy(shift, &e->shift, sizeof e->shift);
-    int n = 0;
-    for (int k = 0; k < LANES; k++)
-        n -= e->kept[k];
+    int n = -sum(&e->kept);
     eight_ints first = (eight_ints){0, 1, 2, 3, 4, 5, 6, 7} < n;
     first = first == e->kept;
     if (eight_all(&first)) { /* none is left out between them */
@@ -254,8 +263,9 @@ INLINE void ask(const rows *r, const eight_rows *e) {
     const arris_image *im = r->image;
     ptrdiff_t size = (ptrdiff_t)im->format, first = e->before[0], last = e->before[LANES - 1];
     if (!r->columns) {
+        eight_ints at = e->line * (int32_t)im->stride + e->before * (int32_t)size;
         for (int k = 0; k < LANES; k++)
-            __builtin_prefetch(im->data + e->line[k] * im->stride + e->before[k] * size);
+            __builtin_prefetch(im->data + at[k]);
         return;
     }
     ptrdiff_t from = (first < last ? first : last) - STEP_HALF + 1;
@@ -269,13 +279,13 @@ INLINE void ask(const rows *r, const eight_rows *e) {
 /* Appends the rows of a stretch that have room. */
 INLINE void place(rows *r, const stretch *s) {
     int width = r->columns ? r->image->height : r->image->width;
-    course u = s->u, t = s->t, across = s->across;
+    int base = least_place(s, width);
     eight pulls = {0};
     eight_ints room = {0};
     for (int i = s->first; i < s->end && r->n + LANES <= r->max; i += LANES) {
         eight_rows e;
         eight pull;
-        follow_all(r, s, &u, &t, &across, i, width, &e);
+        follow_all(r, s, i, base, width, &e);
         ask(r, &e);
         fit_in(r, s, s->end - i, width, &e, &pull);
         pulls += (eight)((eight_ints)pull & e.kept);
@@ -283,8 +293,7 @@ INLINE void place(rows *r, const stretch *s) {
         keep(r, &e);
     }
     r->pull += eight_sum(&pulls);
-    for (int k = 0; k < LANES; k++)
-        r->room += (uint32_t)room[k];
+    r->room += (uint32_t)sum(&room);
 }
 
 static void place_portable(rows *r, const stretch *s) {
@@ -309,13 +318,6 @@ static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
     r->slant = slope < 1 ? (float)sqrt(1 + slope * slope) : (float)M_SQRT2;
 }
 
-/* Repeats the last row until they are whole eights. */
-static void fill_up(rows *r) {
-    float *t = (float *)r->t, *across = (float *)r->across, *shift = (float *)r->shift;
-    for (uint32_t i = r->n; i % LANES && r->n > 0; i++)
-        t[i] = t[i - 1], across[i] = across[i - 1], shift[i] = shift[i - 1];
-}
-
 int rows_clear(const rows *r, float blur) {
     return (int)((float)CLEAR * blur * r->slant + 0.5f);
 }
@@ -330,11 +332,10 @@ void rows_trace(rows *r, const row_line *l, double trim, float blur) {
     r->clear = rows_clear(r, blur);
     r->end = (r->whole ? CORNER : LOST) * blur;
     int blocks = r->bent ? 1 + (int)((t1 - t0) / BLOCK) : 1;
+    double block = r->bent ? (t1 - t0) / blocks : t1 - t0;
     for (int k = 0; k < blocks; k++) {
         stretch s;
-        double from = t0 + (t1 - t0) * k / blocks, to = t0 + (t1 - t0) * (k + 1) / blocks;
-        if (stretch_make(r, l, from, to, &s))
+        if (stretch_make(r, l, t0 + k * block, t0 + (k + 1) * block, &s))
             (HAS_AVX2 && !r->portable ? place_avx2 : place_portable)(r, &s);
     }
-    fill_up(r);
 }
