@@ -6,42 +6,42 @@
 
 #include <math.h>
 
-#define LIMIT 2.f   /* sigma beyond which an offset counts less */
-#define INLIERS 0.7 /* share of the offsets that must be within */
-#define FEW 0.9     /* share above which one step is enough */
-#define MOST 1e5f   /* sigma: no limit is beyond */
-#define CHANCE 4.0  /* sigma from which waves are no chance */
+#define LIMIT 2.f    /* sigma beyond which an offset counts less */
+#define INLIERS 0.7f /* share of the offsets that must be within */
+#define FEW 0.9f     /* share above which one step is enough */
+#define MOST 1e5f    /* sigma: no limit is beyond */
+#define CHANCE 4.0   /* sigma from which waves are no chance */
 
 enum { BLOCKS = 8 };
 
-INLINE void solve(huber_line *l, double per_det, double a, double b) {
-    const double *w = l->normal;
-    l->offset += (w[2] * a - w[1] * b) * per_det;
-    l->slope += (w[0] * b - w[1] * a) * per_det;
-}
+/* The line on its way: its offset and slope, and by what the sums of weighted residuals, and of
+ * those times t, change them: each by its own, less each by the other. */
+typedef struct newton {
+    four line, own, other;
+    float misfit, within; /* within: how many residuals were */
+} newton;
 
-/* Fills in `normal`, too, and returns the reciprocal of its determinant. */
-INLINE double least_squares(const huber_data *d, huber_line *l) {
+/* Fills in `normal`, too. */
+INLINE void least_squares(const huber_data *d, huber_line *l, newton *n) {
     eight w0 = {0}, w1 = {0}, w2 = {0}, q0 = {0}, q1 = {0};
     for (uint32_t i = 0; i * LANES < d->n; i++) {
         eight ww = d->weight[i] * d->weight[i], wt = ww * d->t[i];
         w0 += ww, w1 += wt, w2 += wt * d->t[i];
         q0 += ww * d->offset[i], q1 += wt * d->offset[i];
     }
-    four sum = eight_sums((eight[]){w0, w1, q0, q1});
-    l->normal[0] = (double)sum[0];
-    l->normal[1] = (double)sum[1];
-    l->normal[2] = (double)eight_sum(&w2);
-    l->offset = l->slope = 0;
-    double per_det = 1 / (l->normal[0] * l->normal[2] - l->normal[1] * l->normal[1]);
-    solve(l, per_det, (double)sum[2], (double)sum[3]);
-    return per_det;
+    four sum = eight_sums((eight[]){q0, q1, w0, w1});
+    double *w = l->normal;
+    w[0] = (double)sum[2], w[1] = (double)sum[3], w[2] = (double)eight_sum(&w2);
+    double per_det = 1 / (w[0] * w[2] - w[1] * w[1]);
+    n->own = (four){(float)(w[2] * per_det), (float)(w[0] * per_det)};
+    n->other = (four){(float)(w[1] * per_det), (float)(w[1] * per_det)};
+    n->line = n->own * sum - n->other * __builtin_shufflevector(sum, sum, 1, 0, 2, 3);
 }
 
 /* One step towards the line whose residuals, at most `limit` each, are orthogonal to it. Returns
- * the share of the offsets whose residuals were smaller. */
-INLINE double step(const huber_data *d, huber_line *l, double per_det, float limit) {
-    eight offset = (eight){0} + (float)l->offset, slope = (eight){0} + (float)l->slope;
+ * whether at least `share` of them were smaller. */
+INLINE bool step(const huber_data *d, newton *n, float limit, float share) {
+    eight offset = (eight){0} + n->line[0], slope = (eight){0} + n->line[1];
     eight most = (eight){0} + limit, q0 = {0}, q1 = {0}, square = {0};
     eight_ints out = {0};
     for (uint32_t i = 0; i * LANES < d->n; i++) {
@@ -54,33 +54,39 @@ INLINE double step(const huber_data *d, huber_line *l, double per_det, float lim
         q0 += e, q1 += e * d->t[i];
     }
     four sum = eight_sums((eight[]){q0, q1, square, __builtin_convertvector(out, eight)});
-    l->misfit = (double)sum[2];
-    solve(l, per_det, (double)sum[0], (double)sum[1]);
-    return 1 - (double)sum[3] / d->n;
+    n->line += n->own * sum - n->other * __builtin_shufflevector(sum, sum, 1, 0, 2, 3);
+    n->misfit = sum[2], n->within = (float)d->n - sum[3];
+    return n->within >= share * (float)d->n;
 }
 
 /* Looks for the least limit that leaves enough within, from wide to narrow: gross outliers, and
  * offsets that scatter by more than the weights claim. */
-INLINE double narrow_down(const huber_data *d, huber_line *l, double per_det) {
-    huber_line best;
+INLINE void narrow_down(const huber_data *d, newton *n) {
+    newton best;
     float limit = LIMIT;
-    l->offset = l->slope = 0; /* the line that was expected */
-    while (step(d, l, per_det, limit) < INLIERS && limit < MOST)
+    n->line = (four){0}; /* the line that was expected */
+    while (!step(d, n, limit, INLIERS) && limit < MOST)
         limit *= 2;
     do {
-        best = *l;
+        best = *n;
         limit /= 2;
-    } while (limit >= LIMIT && step(d, l, per_det, limit) >= INLIERS);
-    *l = best;
-    return step(d, l, per_det, 2 * limit);
+    } while (limit >= LIMIT && step(d, n, limit, INLIERS));
+    *n = best;
+    step(d, n, 2 * limit, INLIERS);
 }
 
 INLINE void fit(const huber_data *d, huber_line *l) {
-    double per_det = least_squares(d, l), share = step(d, l, per_det, LIMIT);
-    if (share < INLIERS)
-        share = narrow_down(d, l, per_det);
-    else if (share < FEW)
-        share = step(d, l, per_det, LIMIT);
+    newton n;
+    least_squares(d, l, &n);
+    if (!step(d, &n, LIMIT, FEW)) {
+        if (n.within < INLIERS * (float)d->n)
+            narrow_down(d, &n);
+        else
+            step(d, &n, LIMIT, FEW);
+    }
+    double share = (double)n.within / d->n;
+    l->offset = (double)n.line[0], l->slope = (double)n.line[1];
+    l->misfit = (double)n.misfit;
     l->spread = l->misfit / ((d->n - 2) * share * share);
 }
 
