@@ -101,7 +101,7 @@ void refitter_portable(refitter *f) {
 /* The blur that gives this gradient in the smoothed picture. */
 static double blur_guess(double contrast, double gradient) {
     double s = contrast / (sqrt(2 * M_PI) * gradient), square = s * s - SMOOTHED;
-    return square > 0.25 ? fmin(sqrt(square), 4) : 0.5;
+    return square > 0.25 ? lesser(sqrt(square), 4) : 0.5;
 }
 
 /* Close to its neighbours an edge's blur cannot be told from theirs. */
@@ -127,7 +127,7 @@ static void find_levels(state *s, const rows *r) {
     along(sum, STEP_MEAN, &mean, &fading);
     s->level = s->base + mean - s->contrast[0] * phi;
     fading += s->contrast[1] * (0.5 - phi); /* of the mean of the two sides */
-    double aslant = r->columns ? s->line.dy : s->line.dx;
+    double aslant = ((double[]){s->line.dx, s->line.dy})[r->columns];
     s->kink = s->contrast[1] / 2 * aslant;
     s->slope = fading * aslant;
 }
@@ -141,8 +141,8 @@ static void find_slopes(state *s, const row_sums *sum) {
     s->lean = 0;
     if (!(wk > 0))
         return;
-    double z2 = fmax(kink * kink / wk, ws > 0 ? slope * slope / ws : 0) / (s->noise * s->noise);
-    double limit = SLOPED * SLOPED / z2;
+    double square = greater(kink * kink / wk, ws > 0 ? slope * slope / ws : 0);
+    double limit = SLOPED * s->noise * SLOPED * s->noise / square;
     double tilt = (double)(sum->total[STEP_TILT] / sum->weight[STEP_CONTRAST]);
     if (limit >= 1 || tilt / s->contrast[0] > 0.5) /* that would explain the step away */
         return;
@@ -158,8 +158,8 @@ static bool find_step(state *s, const rows *r) {
     find_slopes(s, sum);
     double wider = (double)sum->answer[STEP_BLUR] - s->lean * (double)sum->total[STEP_FLARE];
     wider /= (double)sum->weight[STEP_BLUR] * s->contrast[0];
-    s->widen = tells_blur(r) ? fmax(-0.5, fmin(0.5, wider)) : 0;
-    double contrast = (*r->across)[0] > 0 ? s->contrast[0] : -s->contrast[0];
+    s->widen = tells_blur(r) ? greater(-0.5, lesser(0.5, wider)) : 0;
+    double contrast = s->contrast[0] * (double)copysignf(1, (*r->across)[0]);
     return contrast > SIGNIFICANT * s->noise / sqrt((double)sum->weight[STEP_CONTRAST]);
 }
 
@@ -246,7 +246,7 @@ static bool first_look(state *s, const rows *r, double gradient) {
     double level[ROWS_PROBED];
     rows_probe(r, PROBE, level);
     double before = level[0], behind = level[ROWS_PROBED - 1], at = fabs(level[3] - level[2]);
-    double beside = fmax(fabs(level[2] - level[1]), fabs(level[4] - level[3]));
+    double beside = greater(fabs(level[2] - level[1]), fabs(level[4] - level[3]));
     if (beside > BESIDE * (at + UNSURE * s->noise))
         return false;
     s->base = (int)((before + behind) / 2);
@@ -254,7 +254,7 @@ static bool first_look(state *s, const rows *r, double gradient) {
         s->shift++;
     s->blur = blur_guess(fabs(behind - before), gradient);
     if (!tells_blur(r))
-        s->blur = fmin(s->blur, CROWDED_BLUR);
+        s->blur = lesser(s->blur, CROWDED_BLUR);
     return true;
 }
 
@@ -315,7 +315,7 @@ static double common_error(const rows *r, double hi) {
 
 /* What is left on the dark side, before the step, or on the bright one; in sigma. */
 static double beside(const state *s, const row_sums *sum, int side) {
-    int filter = (s->contrast[0] > 0) == (side == 0) ? STEP_BEFORE : STEP_BEHIND;
+    int filter = STEP_BEFORE + ((s->contrast[0] > 0) ^ (side == 0));
     double weight = (double)sum->weight[filter], answer = (double)sum->answer[filter];
     return weight > 0 ? answer / sqrt(weight * variance(s)) : 0;
 }
@@ -326,12 +326,13 @@ static void result(const refitter *f, const state *s, arris_segment *out) {
     const double c = s->contrast[0], *w = s->step.normal, det = w[0] * w[2] - w[1] * w[1];
     double dof = (double)sum->total[STEP_DOF], lines_dof = f->rows.n - 2;
     huber_data d = data_of(f);
-    double grow = fmax(huber_beyond_chance(s->step.spread, lines_dof, CHANCE),
-                       fmax(huber_beyond_chance(shape(s), dof, CHANCE), huber_waves(&d, &s->step)));
+    double grow =
+        greater(huber_beyond_chance(s->step.spread, lines_dof, CHANCE),
+                greater(huber_beyond_chance(shape(s), dof, CHANCE), huber_waves(&d, &s->step)));
     out->x1 = l->x, out->y1 = l->y;
     out->x2 = l->x + l->length * l->dx, out->y2 = l->y + l->length * l->dy;
-    out->lo = (float)fmin(s->level, s->level + c);
-    out->hi = (float)fmax(s->level, s->level + c);
+    out->lo = (float)lesser(s->level, s->level + c);
+    out->hi = (float)greater(s->level, s->level + c);
     out->cov[0] = grow * w[2] / det + common_error(&f->rows, (double)out->hi);
     out->cov[1] = -grow * w[1] / det;
     out->cov[2] = grow * w[0] / det;
@@ -342,11 +343,10 @@ static void result(const refitter *f, const state *s, arris_segment *out) {
 }
 
 bool refit(refitter *f, const refit_start *start, arris_segment *out) {
-    double dx = start->x2 - start->x1, dy = start->y2 - start->y1, length = sqrt(dx * dx + dy * dy);
     bool known = start->noise > 0;
     double moved = 0;
     state s; /* the rest is found before it is asked for; clearing it would take its time */
-    s.line = (row_line){start->x1, start->y1, dx / length, dy / length, length};
+    s.line = start->line;
     s.noise = known ? start->noise : ROUNDING;
     s.shift = 0, s.blur = 0;
     f->rows.whole = start->whole;
@@ -355,7 +355,7 @@ bool refit(refitter *f, const refit_start *start, arris_segment *out) {
     for (int k = 0; k < MAX_PASSES; k++) {
         if (!improve(f, &s, start->gradient))
             return false;
-        moved += fabs(s.step.offset) + fabs(s.step.slope) * length / 2;
+        moved += fabs(s.step.offset) + fabs(s.step.slope) * s.line.length / 2;
         if (moved > ESCAPED)
             return false;
         if (!known)

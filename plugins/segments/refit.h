@@ -8,11 +8,11 @@
 #include "rows.h"
 
 typedef struct refit_start {
-    double x1, y1, x2, y2; /* the ends as observed, px, brighter side on the right */
-    double gradient;       /* mean of the smoothed picture's across the line, levels per px */
-    double noise;          /* sigma of one pixel, levels; 0: from what the fit leaves */
-    bool whole;            /* the ends are the edge's own; else `edges` lost it there */
-    double dx, dy; /* px that it has moved in the picture since the edge points were found */
+    row_line line;   /* as observed, brighter side on the right */
+    double gradient; /* mean of the smoothed picture's across the line, levels per px */
+    double noise;    /* sigma of one pixel, levels; 0: from what the fit leaves */
+    bool whole;      /* the ends are the edge's own; else `edges` lost it there */
+    double dx, dy;   /* px that it has moved in the picture since the edge points were found */
 } refit_start;
 
 typedef struct refitter refitter;

@@ -181,24 +181,22 @@ static inline void filter_portable(const step_filter *f, const int16_t *px, eigh
 }
 
 #if defined(__x86_64__)
-/* A pair of pixels times its weights in the eight filters. */
+/* Four pairs of pixels times their weights in the eight filters, from the pair i on. */
 AVX2_PATH static inline __m256i products(const step_filter *f, const int16_t *px, int i) {
-    int32_t pair;
-    memcpy(&pair, px + 2 * i, sizeof pair);
-    return _mm256_madd_epi16(_mm256_set1_epi32(pair), _mm256_loadu_si256((const void *)f->w[i]));
-}
-
-AVX2_PATH static inline __m256i half_sum(const step_filter *f, const int16_t *px, int i) {
-    __m256i a = _mm256_add_epi32(products(f, px, i), products(f, px, i + 1));
-    __m256i b = _mm256_add_epi32(products(f, px, i + 2), products(f, px, i + 3));
-    return _mm256_add_epi32(a, b);
+    __m256i half = _mm256_broadcastsi128_si256(_mm_loadu_si128((const void *)(px + 2 * i)));
+    const __m256i *w = (const void *)f->w[i];
+    __m256i a = _mm256_madd_epi16(_mm256_shuffle_epi32(half, 0x00), _mm256_loadu_si256(w));
+    __m256i b = _mm256_madd_epi16(_mm256_shuffle_epi32(half, 0x55), _mm256_loadu_si256(w + 1));
+    __m256i c = _mm256_madd_epi16(_mm256_shuffle_epi32(half, 0xAA), _mm256_loadu_si256(w + 2));
+    __m256i d = _mm256_madd_epi16(_mm256_shuffle_epi32(half, 0xFF), _mm256_loadu_si256(w + 3));
+    return _mm256_add_epi32(_mm256_add_epi32(a, b), _mm256_add_epi32(c, d));
 }
 
 AVX2_PATH static inline void filter_avx2(const step_filter *f, const int16_t *px,
                                          eight_ints *answer, eight_ints *square) {
     __m256i inside = _mm256_loadu_si256((const void *)f->inside);
     inside = _mm256_and_si256(inside, _mm256_loadu_si256((const void *)px));
-    __m256i sum = _mm256_add_epi32(half_sum(f, px, 0), half_sum(f, px, 4));
+    __m256i sum = _mm256_add_epi32(products(f, px, 0), products(f, px, 4));
     _mm256_storeu_si256((void *)answer, sum);
     _mm256_storeu_si256((void *)square, _mm256_madd_epi16(inside, inside));
 }

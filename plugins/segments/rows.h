@@ -14,6 +14,15 @@
 #include "lens.h"
 #include "step.h"
 
+/* fmin and fmax of numbers, without a call. */
+INLINE double lesser(double a, double b) {
+    return a < b ? a : b;
+}
+
+INLINE double greater(double a, double b) {
+    return a > b ? a : b;
+}
+
 /* A line from (x, y) along the unit vector (dx, dy), over [0, length] px. */
 typedef struct row_line {
     double x, y, dx, dy, length;

@@ -164,15 +164,12 @@ static bool look(const segmenter *s, const arris_edges *edges, const arris_image
 }
 
 static void measure(segmenter *s, const piece *p, float noise, bool look, arris_segments *out) {
-    double dx = p->x2 - p->x1, dy = p->y2 - p->y1, length = sqrt(dx * dx + dy * dy);
+    double length = (p->x2 - p->x1) * p->dx + (p->y2 - p->y1) * p->dy;
     arris_segment found;
     if (!(length >= s->p.min_length))
         return;
     if (look) {
-        refit_start start = {.x1 = p->x1,
-                             .y1 = p->y1,
-                             .x2 = p->x2,
-                             .y2 = p->y2,
+        refit_start start = {.line = {p->x1, p->y1, p->dx, p->dy, length},
                              .gradient = (p->gy * p->dx - p->gx * p->dy) / p->n,
                              .noise = (double)noise};
         if (!refit(s->refitter, &start, &found))

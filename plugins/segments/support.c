@@ -194,10 +194,8 @@ static void measure_start(const support *s, const course *c, refit_start *start)
         e[i ^ c->reversed][0] = c->x + t * c->dx + d * c->nx;
         e[i ^ c->reversed][1] = c->y + t * c->dy + d * c->ny;
     }
-    *start = (refit_start){.x1 = e[0][0],
-                           .y1 = e[0][1],
-                           .x2 = e[1][0],
-                           .y2 = e[1][1],
+    double dx = e[1][0] - e[0][0], dy = e[1][1] - e[0][1], length = hypot(dx, dy);
+    *start = (refit_start){.line = {e[0][0], e[0][1], dx / length, dy / length, length},
                            .gradient = gradient_of(s, across),
                            .whole = true};
 }
@@ -236,5 +234,5 @@ bool support_find(support *s, const arris_foreseen *line, double step, double le
         return false;
     sharpen_ends(s);
     measure_start(s, &c, start);
-    return hypot(start->x2 - start->x1, start->y2 - start->y1) >= length;
+    return start->line.length >= length;
 }

@@ -74,22 +74,24 @@ static double across_at(const node *a, const node *b, double slope) {
 /* The rows between two places. False when there are none in the picture. */
 static bool stretch_bound(const rows *r, double from, double to, stretch *s) {
     int lines = r->columns ? r->image->width : r->image->height;
-    s->first = from > 0 ? (int)ceil(from) : 0;
-    s->end = to < lines ? (int)ceil(to) : lines;
+    s->first = (int)greater(0, lesser(from, lines));
+    s->end = (int)greater(0, lesser(to, lines));
+    s->first += s->first < from, s->end += s->end < to && s->end < lines;
     return from < lines && to > -1;
 }
 
 /* Without a lens, all follows from the line's direction. */
 static bool stretch_straight(const rows *r, const row_line *l, double t0, double t1, stretch *s) {
-    double u = r->columns ? l->y : l->x, v = r->columns ? l->x : l->y;
-    double du = r->columns ? l->dy : l->dx, dv = r->columns ? l->dx : l->dy, per_row = 1 / dv;
-    if (!stretch_bound(r, v + (dv > 0 ? t0 : t1) * dv, v + (dv > 0 ? t1 : t0) * dv, s))
+    const double p[] = {l->x, l->y}, d[] = {l->dx, l->dy}; /* chosen without a branch */
+    double u = p[r->columns], v = p[!r->columns], du = d[r->columns], dv = d[!r->columns];
+    double per_row = 1 / dv, v0 = v + t0 * dv, v1 = v + t1 * dv;
+    if (!stretch_bound(r, lesser(v0, v1), greater(v0, v1), s))
         return false;
     double t = (s->first - v) * per_row;
     s->u = (course){u + t * du, du * per_row, 0};
     s->t = (course){t - l->length / 2, per_row, 0};
-    s->across = (course){r->columns ? dv : -dv, 0, 0};
-    s->per_along = (float)(1 / fmax(fabs(du), 1e-3));
+    s->across = (course){(2 * r->columns - 1) * dv, 0, 0};
+    s->per_along = (float)(1 / greater(fabs(du), 1e-3));
     return true;
 }
 
@@ -116,7 +118,7 @@ static bool stretch_bent(const rows *r, const row_line *l, double t0, double t1,
     first = across_at(&a, &right_of_a, slope - s->u.bend * (b.v - a.v));
     last = across_at(&b, &right_of_b, slope + s->u.bend * (b.v - a.v));
     s->across = through(&at, first, (first + last) / 2, last, s->first);
-    s->per_along = (float)(sqrt(1 + slope * slope) / fmax(fabs(slope), 1e-3));
+    s->per_along = (float)(sqrt(1 + slope * slope) / greater(fabs(slope), 1e-3));
     return true;
 }
 
@@ -167,8 +169,8 @@ INLINE void follow(const course *c, const eight *i, eight *value) {
 /* A pixel that no row of the stretch crosses the line before. */
 static int least_place(const stretch *s, int width) {
     double n = s->end - 1 - s->first, last = s->u.value + n * (s->u.step + n * s->u.bend);
-    double least = fmin(s->u.value, last) - n * n / 4 * fabs(s->u.bend);
-    return least > 0 ? (int)fmin(least, width - 1) : 0;
+    double least = lesser(s->u.value, last) - n * n / 4 * fabs(s->u.bend);
+    return (int)greater(0, lesser(least, width - 1));
 }
 
 /* The eight rows from `first` on; what is beyond the stretch repeats its end. */
@@ -258,6 +260,8 @@ INLINE void keep(rows *r, const eight_rows *e) {
     r->n += (uint32_t)n;
 }
 
+enum { ASKED = 2 * STEP_HALF + LANES }; /* px of a column */
+
 /* Asks for the pixels around the line, which are measured after all rows are placed. */
 INLINE void ask(const rows *r, const eight_rows *e) {
     const arris_image *im = r->image;
@@ -268,12 +272,11 @@ INLINE void ask(const rows *r, const eight_rows *e) {
             __builtin_prefetch(im->data + at[k]);
         return;
     }
-    ptrdiff_t from = (first < last ? first : last) - STEP_HALF + 1;
-    ptrdiff_t to = (first < last ? last : first) + STEP_HALF;
-    from = from > 0 ? from : 0;
-    to = to < im->height ? to : im->height - 1;
-    for (ptrdiff_t y = from; y <= to; y++)
-        __builtin_prefetch(im->data + y * im->stride + e->line[0] * size);
+    ptrdiff_t from = (first < last ? first : last) - STEP_HALF + 1, most = im->height - ASKED;
+    from = from < most ? from : most;
+    const uint8_t *p = im->data + (from > 0 ? from : 0) * im->stride + e->line[0] * size;
+    for (int k = 0; k < ASKED && k < im->height; k++, p += im->stride)
+        __builtin_prefetch(p);
 }
 
 /* Appends the rows of a stretch that have room. */
@@ -306,7 +309,7 @@ AVX2_PATH static void place_avx2(rows *r, const stretch *s) {
 
 /* Whether rows or columns cut the line, and how slantwise. */
 static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
-    double x = fabs(l->dx), y = fabs(l->dy), slope;
+    double x = fabs(l->dx), y = fabs(l->dy);
     if (r->bent) {
         eight t = {(float)t0, (float)t1}, d = {0}, ex, ey;
         displace(r, l, &t, &d, &ex, &ey);
@@ -314,7 +317,7 @@ static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
         y = fabs((t1 - t0) * l->dy + (double)(ey[1] - ey[0]));
     }
     r->columns = x > y;
-    slope = r->columns ? y / x : x / y;
+    double slope = lesser(x, y) / greater(x, y);
     r->slant = slope < 1 ? (float)sqrt(1 + slope * slope) : (float)M_SQRT2;
 }
 
