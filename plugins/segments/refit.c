@@ -38,7 +38,7 @@ struct refitter {
 
 /* What is known of the line that is being fitted. */
 typedef struct state {
-    row_line line;
+    row_line *line;
     double noise;       /* sigma of a pixel */
     double contrast[2]; /* signed along the row: in the middle, and per px along the line */
     int base, shift;    /* a level near the step's; levels are measured in units of 2^shift */
@@ -127,7 +127,7 @@ static void find_levels(state *s, const rows *r) {
     along(sum, STEP_MEAN, &mean, &fading);
     s->level = s->base + mean - s->contrast[0] * phi;
     fading += s->contrast[1] * (0.5 - phi); /* of the mean of the two sides */
-    double aslant = ((double[]){s->line.dx, s->line.dy})[r->columns];
+    double aslant = ((double[]){s->line->dx, s->line->dy})[r->columns];
     s->kink = s->contrast[1] / 2 * aslant;
     s->slope = fading * aslant;
 }
@@ -285,7 +285,7 @@ static bool mistook_blur(const state *s, const rows *r) {
 /* One Gauss-Newton step: moves the line and corrects the blur. */
 static bool improve(refitter *f, state *s, double gradient) {
     rows *r = &f->rows;
-    rows_trace(r, &s->line, TRIM, s->blur > 0 ? (float)s->blur : 1);
+    rows_trace(r, s->line, TRIM, s->blur > 0 ? (float)s->blur : 1);
     if (r->n < MIN_ROWS)
         return false;
     if (!(s->blur > 0) && !first_look(s, r, gradient))
@@ -296,13 +296,13 @@ static bool improve(refitter *f, state *s, double gradient) {
     find_offsets(f, s);
     huber_data d = data_of(f);
     huber_fit(&d, &s->step);
-    move(&s->line, s->step.offset, s->step.slope);
+    move(s->line, s->step.offset, s->step.slope);
     return isfinite(s->step.offset) && isfinite(s->step.slope) && isfinite(s->step.spread);
 }
 
 /* The mean square of the line's move, in blurs. */
 static double square_move(const state *s) {
-    double offset = s->step.offset, end = s->step.slope * s->line.length / 2;
+    double offset = s->step.offset, end = s->step.slope * s->line->length / 2;
     return (offset * offset + end * end / 3) / (s->blur * s->blur);
 }
 
@@ -321,7 +321,7 @@ static double beside(const state *s, const row_sums *sum, int side) {
 }
 
 static void result(const refitter *f, const state *s, arris_segment *out) {
-    const row_line *l = &s->line;
+    const row_line *l = s->line;
     const row_sums *sum = &f->rows.sum;
     const double c = s->contrast[0], *w = s->step.normal, det = w[0] * w[2] - w[1] * w[1];
     double dof = (double)sum->total[STEP_DOF], lines_dof = f->rows.n - 2;
@@ -342,11 +342,11 @@ static void result(const refitter *f, const state *s, arris_segment *out) {
     out->chi2 = (float)((shape(s) * dof + s->step.misfit) / (dof + lines_dof));
 }
 
-bool refit(refitter *f, const refit_start *start, arris_segment *out) {
+bool refit(refitter *f, refit_start *start, arris_segment *out) {
     bool known = start->noise > 0;
     double moved = 0;
     state s; /* the rest is found before it is asked for; clearing it would take its time */
-    s.line = start->line;
+    s.line = &start->line;
     s.noise = known ? start->noise : ROUNDING;
     s.shift = 0, s.blur = 0;
     f->rows.whole = start->whole;
@@ -355,7 +355,7 @@ bool refit(refitter *f, const refit_start *start, arris_segment *out) {
     for (int k = 0; k < MAX_PASSES; k++) {
         if (!improve(f, &s, start->gradient))
             return false;
-        moved += fabs(s.step.offset) + fabs(s.step.slope) * s.line.length / 2;
+        moved += fabs(s.step.offset) + fabs(s.step.slope) * s.line->length / 2;
         if (moved > ESCAPED)
             return false;
         if (!known)

@@ -30,10 +30,10 @@ void refitter_look(refitter *f, const arris_image *image, const arris_edges *edg
 /* Likewise for the lines that follow. */
 void refitter_set_lens(refitter *f, const arris_camera *camera);
 
-/* Fits a blurred step to the rows (rows.h) of the line near `start` and fills *s but for `chain`;
- * the ends are the feet of the observed ones. False when it cannot be measured or is no step that
- * stands out of the noise; then *s means nothing. */
-bool refit(refitter *f, const refit_start *start, arris_segment *s);
+/* Fits a blurred step to the rows (rows.h) of the line near that of `start`, which it moves there,
+ * and fills *s but for `chain`; the ends are the feet of the observed ones. False when it cannot be
+ * measured or is no step that stands out of the noise; then *s means nothing. */
+bool refit(refitter *f, refit_start *start, arris_segment *s);
 
 /* For tests: without what only some machines have. */
 void refitter_portable(refitter *f);
