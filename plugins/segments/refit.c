@@ -100,7 +100,7 @@ void refitter_portable(refitter *f) {
 
 /* The blur that gives this gradient in the smoothed picture. */
 static double blur_guess(double contrast, double gradient) {
-    double s = contrast / (sqrt(2 * M_PI) * gradient), square = s * s - SMOOTHED;
+    double s = contrast * (1 / (sqrt(2 * M_PI) * gradient)), square = s * s - SMOOTHED;
     return square > 0.25 ? lesser(sqrt(square), 4) : 0.5;
 }
 
@@ -182,12 +182,14 @@ INLINE void offsets(refitter *f, const state *s) {
         eight size = (c0 + c1 * r->t[i]) * sign; /* the contrast may fade, but not vanish */
         size = EIGHT_CHOOSE(size > least, size, least) * sign;
         eight response = o[STEP_RESPONSE];
-        eight across = r->across[i] / (response * size * (1 + o[STEP_GAIN] * widen));
+        eight whole = response * size * (1 + o[STEP_GAIN] * widen);
+        eight across = r->across[i] / whole;
         eight slopes = o[STEP_PER_KINK] * a[STEP_KINK] + o[STEP_PER_SLOPE] * a[STEP_SLOPE];
         eight answer = a[STEP_OFFSET] + ramp * response - lean * slopes - kink * o[STEP_BY_KINK] -
                        slope * o[STEP_BY_SLOPE];
         f->offset[i] = -r->across[i] * r->shift[i] - across * answer;
-        f->weight[i] = 1 / (EIGHT_ABS(across) * (noise + noise * lean * o[STEP_UNSURE]));
+        f->weight[i] =
+            EIGHT_ABS(whole) / (EIGHT_ABS(r->across[i]) * (noise + noise * lean * o[STEP_UNSURE]));
     }
     uint32_t last = (r->n - 1) / LANES;
     eight_ints in = (eight_ints){0, 1, 2, 3, 4, 5, 6, 7} < (int32_t)(r->n - last * LANES);

@@ -260,20 +260,28 @@ void rows_measure(rows *r, int scale) {
 
 /* ---- a first look --------------------------------------------------------------------------- */
 
-void rows_probe(const rows *r, int reach, double level[ROWS_PROBED]) {
+INLINE int level(const uint8_t *p, bool wide) {
+    return wide ? *(const uint16_t *)(const void *)p : *p;
+}
+
+INLINE void probe(const rows *r, int reach, bool wide, int sum[ROWS_PROBED]) {
     const arris_image *im = r->image;
-    ptrdiff_t size = (ptrdiff_t)im->format, along = r->columns ? im->stride : size;
+    ptrdiff_t size = wide ? 2 : 1, along = r->columns ? im->stride : size;
     ptrdiff_t line = r->columns ? size : im->stride;
-    int sum[ROWS_PROBED] = {0};
     for (uint32_t k = 0; k < PROBES; k++) {
         const row_place *q = &r->place[r->n * (2 * k + 1) / (2 * PROBES)];
         const uint8_t *p = im->data + q->line * line + q->at * along;
-        int d = q->half < reach ? q->half : reach, at[ROWS_PROBED] = {-d, -2, -1, 0, 1, d - 1};
-        for (int j = 0; j < ROWS_PROBED; j++) {
-            const uint8_t *pixel = p + at[j] * along;
-            sum[j] += size == 2 ? *(const uint16_t *)(const void *)pixel : *pixel;
-        }
+        ptrdiff_t far = (q->half < reach ? q->half : reach) * along;
+        sum[0] += level(p - far, wide);
+        for (int j = 1; j < ROWS_PROBED - 1; j++)
+            sum[j] += level(p + (j - 3) * along, wide);
+        sum[ROWS_PROBED - 1] += level(p + far - along, wide);
     }
+}
+
+void rows_probe(const rows *r, int reach, double mean[ROWS_PROBED]) {
+    int sum[ROWS_PROBED] = {0};
+    r->image->format == ARRIS_GREY16 ? probe(r, reach, true, sum) : probe(r, reach, false, sum);
     for (int j = 0; j < ROWS_PROBED; j++)
-        level[j] = (double)sum[j] / PROBES;
+        mean[j] = (double)sum[j] / PROBES;
 }

@@ -95,7 +95,7 @@ enum { ROWS_PROBED = 6 };
 
 /* The mean grey levels of a few of the rows: `reach` px before the line or as far as the row goes,
  * at the two pixels before and the two behind it, and as far behind it. There must be rows. */
-void rows_probe(const rows *r, int reach, double level[ROWS_PROBED]);
+void rows_probe(const rows *r, int reach, double mean[ROWS_PROBED]);
 
 /* Fetches the rows' pixels. There must be rows. `base` is a grey level near those of the step,
  * taken off, and 2^shift levels are the unit: what is further off than STEP_MOST of them is cut. */

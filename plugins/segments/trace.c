@@ -57,6 +57,7 @@ static course through(const places *p, double a, double b, double c, int first) 
 /* A stretch of the line: how it crosses the rows first .. end - 1. */
 typedef struct stretch {
     int first, end;
+    int base;        /* a pixel that it crosses no row before */
     course u, t;     /* place in the row, and along the line from its middle */
     course across;   /* px across the line per px of the row */
     float per_along; /* px of the row per px along the line */
@@ -71,12 +72,15 @@ static double across_at(const node *a, const node *b, double slope) {
     return 1 / (b->u - a->u - (b->v - a->v) * slope);
 }
 
-/* The rows between two places. False when there are none in the picture. */
-static bool stretch_bound(const rows *r, double from, double to, stretch *s) {
+/* The rows between two places, from the pixel `least` on. False when there are none in the picture.
+ */
+static bool stretch_bound(const rows *r, double from, double to, double least, stretch *s) {
     int lines = r->columns ? r->image->width : r->image->height;
+    int width = r->columns ? r->image->height : r->image->width;
     s->first = (int)greater(0, lesser(from, lines));
     s->end = (int)greater(0, lesser(to, lines));
     s->first += s->first < from, s->end += s->end < to && s->end < lines;
+    s->base = (int)greater(0, lesser(least, width - 1));
     return from < lines && to > -1;
 }
 
@@ -84,8 +88,8 @@ static bool stretch_bound(const rows *r, double from, double to, stretch *s) {
 static bool stretch_straight(const rows *r, const row_line *l, double t0, double t1, stretch *s) {
     const double p[] = {l->x, l->y}, d[] = {l->dx, l->dy}; /* chosen without a branch */
     double u = p[r->columns], v = p[!r->columns], du = d[r->columns], dv = d[!r->columns];
-    double per_row = 1 / dv, v0 = v + t0 * dv, v1 = v + t1 * dv;
-    if (!stretch_bound(r, lesser(v0, v1), greater(v0, v1), s))
+    double per_row = 1 / dv, v0 = v + t0 * dv, v1 = v + t1 * dv, u0 = u + t0 * du, u1 = u + t1 * du;
+    if (!stretch_bound(r, lesser(v0, v1), greater(v0, v1), lesser(u0, u1), s))
         return false;
     double t = (s->first - v) * per_row;
     s->u = (course){u + t * du, du * per_row, 0};
@@ -109,7 +113,8 @@ static bool stretch_bent(const rows *r, const row_line *l, double t0, double t1,
         swap = right_of_a;
         right_of_a = right_of_b, right_of_b = swap;
     }
-    if (!(m.v > a.v && b.v > m.v) || !stretch_bound(r, a.v, b.v, s))
+    double least = lesser(a.u, b.u) - fabs(2 * m.u - a.u - b.u);
+    if (!(m.v > a.v && b.v > m.v) || !stretch_bound(r, a.v, b.v, least, s))
         return false;
     places at = {{a.v, m.v, b.v}, 1 / (m.v - a.v), 1 / (b.v - m.v), 1 / (b.v - a.v)};
     double middle = l->length / 2, slope = (b.u - a.u) * at.per02, first, last;
@@ -166,21 +171,13 @@ INLINE void follow(const course *c, const eight *i, eight *value) {
     *value = (float)c->value + *i * ((float)c->step + *i * (float)c->bend);
 }
 
-/* A pixel that no row of the stretch crosses the line before. */
-static int least_place(const stretch *s, int width) {
-    double n = s->end - 1 - s->first, last = s->u.value + n * (s->u.step + n * s->u.bend);
-    double least = lesser(s->u.value, last) - n * n / 4 * fabs(s->u.bend);
-    return (int)greater(0, lesser(least, width - 1));
-}
-
 /* The eight rows from `first` on; what is beyond the stretch repeats its end. */
-INLINE void follow_all(const rows *r, const stretch *s, int first, int base, int width,
-                       eight_rows *e) {
+INLINE void follow_all(const rows *r, const stretch *s, int first, int width, eight_rows *e) {
     const eight_ints row = {0, 1, 2, 3, 4, 5, 6, 7};
     const eight ahead = {0, 1, 2, 3, 4, 5, 6, 7};
     double i = first - s->first, bend = s->u.bend;
-    course u = {s->u.value + i * (s->u.step + i * bend) - base, s->u.step + 2 * i * bend, bend};
-    eight x, at = ahead + (float)i, zero = {0}, most = zero + (float)(width - 1 - base);
+    course u = {s->u.value + i * (s->u.step + i * bend) - s->base, s->u.step + 2 * i * bend, bend};
+    eight x, at = ahead + (float)i, zero = {0}, most = zero + (float)(width - 1 - s->base);
     follow(&u, &ahead, &x);
     follow(&s->t, &at, &e->t);
     follow(&s->across, &at, &e->across);
@@ -188,7 +185,7 @@ INLINE void follow_all(const rows *r, const stretch *s, int first, int base, int
     x = EIGHT_CHOOSE(x < most, x, most);
     e->before = __builtin_convertvector(x, eight_ints);
     e->part = x - __builtin_convertvector(e->before, eight);
-    e->before += (int32_t)base;
+    e->before += (int32_t)s->base;
     e->line = row + first;
     e->line = EIGHT_LEAST(e->line, (eight_ints){0} + (s->end - 1));
     look_around(r, e);
@@ -282,13 +279,12 @@ INLINE void ask(const rows *r, const eight_rows *e) {
 /* Appends the rows of a stretch that have room. */
 INLINE void place(rows *r, const stretch *s) {
     int width = r->columns ? r->image->height : r->image->width;
-    int base = least_place(s, width);
     eight pulls = {0};
     eight_ints room = {0};
     for (int i = s->first; i < s->end && r->n + LANES <= r->max; i += LANES) {
         eight_rows e;
         eight pull;
-        follow_all(r, s, i, base, width, &e);
+        follow_all(r, s, i, width, &e);
         ask(r, &e);
         fit_in(r, s, s->end - i, width, &e, &pull);
         pulls += (eight)((eight_ints)pull & e.kept);
