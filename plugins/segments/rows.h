@@ -88,8 +88,12 @@ void rows_free(rows *r);
  * the step's as far as it is known, px. */
 void rows_trace(rows *r, const row_line *l, double trim, float blur);
 
+#define ROWS_CLEAR 2.5f /* a neighbour's step is over at this many of its blurs */
+
 /* What `clear` would be for a step of this blur, px. */
-int rows_clear(const rows *r, float blur);
+INLINE int rows_clear(const rows *r, float blur) {
+    return (int)(ROWS_CLEAR * blur * r->slant + 0.5f);
+}
 
 enum { ROWS_PROBED = 6 };
 

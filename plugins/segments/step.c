@@ -107,20 +107,3 @@ void step_init(step_table *t) {
                 make(&t->f[k][half - STEP_MIN][p], (double)step_blur(k), half,
                      (p + 0.5) / STEP_PHASES);
 }
-
-/* A float's bits from the exponent to the third of the mantissa count eighths of octaves. */
-enum { EIGHTH = 1 << 20, FIRST = 0x3EE00000 /* 0.4375 */ };
-
-int step_scale(float blur) {
-    int32_t bits;
-    memcpy(&bits, &blur, sizeof bits);
-    int k = (bits - FIRST) / EIGHTH;
-    return k < 0 ? 0 : k < STEP_SCALES ? k : STEP_SCALES - 1;
-}
-
-float step_blur(int scale) {
-    int32_t bits = FIRST + scale * EIGHTH + EIGHTH / 2;
-    float blur;
-    memcpy(&blur, &bits, sizeof blur);
-    return blur;
-}

@@ -12,6 +12,8 @@
 #ifndef STEP_H
 #define STEP_H
 
+#include <string.h>
+
 #include "lanes.h"
 
 enum {
@@ -75,8 +77,22 @@ typedef struct step_table {
 
 void step_init(step_table *t);
 
+/* A float's bits from the exponent to the third of the mantissa count eighths of octaves. */
+enum { STEP_EIGHTH = 1 << 20, STEP_FIRST = 0x3EE00000 /* 0.4375 */ };
+
 /* The scale whose filters suit a blur (px), and the blur that they are for. */
-int step_scale(float blur);
-float step_blur(int scale);
+INLINE int step_scale(float blur) {
+    int32_t bits;
+    memcpy(&bits, &blur, sizeof bits);
+    int k = (bits - STEP_FIRST) / STEP_EIGHTH;
+    return k < 0 ? 0 : k < STEP_SCALES ? k : STEP_SCALES - 1;
+}
+
+INLINE float step_blur(int scale) {
+    int32_t bits = STEP_FIRST + scale * STEP_EIGHTH + STEP_EIGHTH / 2;
+    float blur;
+    memcpy(&blur, &bits, sizeof blur);
+    return blur;
+}
 
 #endif

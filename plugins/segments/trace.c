@@ -7,7 +7,6 @@
 #include <math.h>
 #include <string.h>
 
-#define CLEAR 2.5       /* a neighbour's step is over at this many of its blurs */
 #define CORNER 3.15f    /* blurs along the line that a row keeps from an end of the edge, */
 #define LOST 2.35f      /* and from where `edges` loses it, which is inside */
 #define PULL_NONE 4.46f /* log2 of the px by which a neighbour 0 px away would move an edge */
@@ -315,10 +314,6 @@ static void choose_rows(rows *r, const row_line *l, double t0, double t1) {
     r->columns = x > y;
     double slope = lesser(x, y) / greater(x, y);
     r->slant = slope < 1 ? (float)sqrt(1 + slope * slope) : (float)M_SQRT2;
-}
-
-int rows_clear(const rows *r, float blur) {
-    return (int)((float)CLEAR * blur * r->slant + 0.5f);
 }
 
 void rows_trace(rows *r, const row_line *l, double trim, float blur) {
