@@ -336,6 +336,51 @@ static void views_of_another_edge_do_no_harm(void **unused) {
     free(lines.item);
 }
 
+/* Bends all sightings by what a lens model may leave, px by adj_lens. */
+static void bend(record *r, const double lens[ADJ_LENS_TERMS]) {
+    for (uint32_t i = 0; i < r->n; i++) {
+        double *const to[2][2] = {{&r->item[i].x1, &r->item[i].y1},
+                                  {&r->item[i].x2, &r->item[i].y2}};
+        for (int end = 0; end < 2; end++) {
+            double x[2] = {*to[end][0], *to[end][1]}, by[ADJ_LENS_TERMS][2];
+            adj_lens(&r->camera, x, by);
+            for (int k = 0; k < ADJ_LENS_TERMS; k++)
+                *to[end][0] -= lens[k] * by[k][0], *to[end][1] -= lens[k] * by[k][1];
+        }
+    }
+}
+
+/* What the lens model left becomes a state where it is evident, and only there. */
+static void a_lens_that_is_off_is_found(void **unused) {
+    (void)unused;
+    static const double left[2][ADJ_LENS_TERMS] = {{0}, {-0.8, 0.3, 0.2, -0.1}};
+    scan_plan plan = {60, 20, 10, 0.2, 2e-4, 0.02, false};
+    adjust_params params = {.robust = 4, .backend = &adj_cholmod};
+    for (int k = 0; k < 2; k++) {
+        record r;
+        arris_lines lines = {0};
+        adjusted result;
+        double nees = 0, n = 0;
+        state = 41;
+        simulate(&plan, &r, &lines);
+        bend(&r, left[k]);
+        assert_int_equal(record_adjust(&r, &lines, &params, &result), 0);
+        for (uint32_t i = 0; i < lines.n; i++)
+            if (i % 4 && lines.item[i].views > 20)
+                nees += nees_of(&lines.item[i], i), n++;
+        print_message("lens %.2f %.2f %.2f %.2f px; nees %.2f\n", result.state[0], result.state[1],
+                      result.state[2], result.state[3], nees / n);
+        assert_int_equal(result.lens, k);
+        assert_int_equal(result.common, k ? ADJ_LENS : 0);
+        for (int i = 0; k && i < ADJ_LENS_TERMS; i++)
+            assert_near(result.state[i], left[k][i], 0.1);
+        assert_true(nees / n < 2);
+        record_adjusted_free(&result);
+        record_free(&r);
+        free(lines.item);
+    }
+}
+
 /* Of its middle, mm. */
 static double distance_from_truth(const arris_line *l, uint32_t i) {
     double u[3], d[3], n[3];
@@ -515,6 +560,7 @@ int main(void) {
         cmocka_unit_test(noise_and_covariance_are_true),
         cmocka_unit_test(a_scale_that_nothing_tells_stays),
         cmocka_unit_test(views_of_another_edge_do_no_harm),
+        cmocka_unit_test(a_lens_that_is_off_is_found),
         cmocka_unit_test(what_is_beside_is_taken_out),
         cmocka_unit_test(outliers_are_named),
         cmocka_unit_test(outliers_may_see_little),

@@ -5,9 +5,9 @@
  *
  * Where the board lies in the robot's axes is known by a fit of hand and eye alone, which is off by
  * several millimetres; so the grid is laid on the lines, by turning and moving it, before it is
- * compared. The lens model is off as well, by up to 2 px at the edge of the picture: that is a
- * state. Rows and columns see two directions of motion apart from each other; the diagonals bind
- * them.
+ * compared. The lens model is off as well, by up to 2 px at the edge of the picture: that has to be
+ * found out. Rows and columns see two directions of motion apart from each other; the diagonals
+ * bind them.
  */
 // clang-format off
 #include <stdarg.h>
@@ -22,7 +22,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "adjust/adjust.h"
+#include "adjust/record.h"
 #include "calibrate/find.h"
 #include "calibrate/views.h"
 #include "camera.h"
@@ -99,7 +99,8 @@ static bool fit_segment(double (*point)[2], int n, arris_segment *s) {
     return n >= 4;
 }
 
-static void add_views(adj_problem *p, const arris_camera *c, uint32_t frame, const double *corner) {
+static void add_views(adj_problem *p, record *r, const arris_camera *c, uint32_t frame,
+                      const double *corner) {
     for (int k = 0; k < LINES; k++) {
         double point[COLS][2];
         arris_segment s;
@@ -110,8 +111,10 @@ static void add_views(adj_problem *p, const arris_camera *c, uint32_t frame, con
                                                             &point[n][0], &point[n][1]) == 0)
                 n++;
         }
-        if (fit_segment(point, n, &s))
-            assert_true(adj_add_view(p, frame, (uint32_t)k, &s) >= 0);
+        if (!fit_segment(point, n, &s))
+            continue;
+        assert_true(adj_add_view(p, frame, (uint32_t)k, &s) >= 0);
+        record_add(r, k, &s, &p->camera);
     }
 }
 
@@ -145,14 +148,14 @@ static void across(const double u[3], const double v[3], double out[3]) {
 /* Lays the ends X of the grid's lines on the lines that were found, by turning, moving and, with n
  * = 7 in place of 6, scaling them about the grid's middle: one step. Returns their rms distance
  * (mm) before it, and what the scale changes. */
-static double lay(const adj_problem *p, int n, double X[2 * GRID][3], double *scale) {
+static double lay(const arris_lines *lines, int n, double X[2 * GRID][3], double *scale) {
     const double middle[3] = {(COLS - 1) * SQUARE / 2, (ROWS - 1) * SQUARE / 2, 0};
     double N[7][8] = {{0}}, x[7] = {0}, sum = 0;
     for (int k = 0; k < 2 * GRID; k++) {
-        double P[3], Q[3], u[3], d[3], e[3], y[3], J[7][3];
-        adj_line_points(&p->line[k / 2], P, Q);
+        const arris_line *l = &lines->item[k / 2];
+        double u[3], d[3], e[3], y[3], J[7][3];
         for (int i = 0; i < 3; i++)
-            u[i] = Q[i] - P[i], d[i] = X[k][i] - P[i], y[i] = X[k][i] - middle[i];
+            u[i] = l->q[i] - l->p[i], d[i] = X[k][i] - l->p[i], y[i] = X[k][i] - middle[i];
         arris_unit(u);
         across(u, d, e);
         for (int i = 0; i < 3; i++) {
@@ -182,27 +185,27 @@ static double lay(const adj_problem *p, int n, double X[2 * GRID][3], double *sc
     return sqrt(sum / (2 * GRID));
 }
 
-static double rms_of_ends(const adj_problem *p, int n, double *scale) {
+static double rms_of_ends(const arris_lines *lines, int n, double *scale) {
     double X[2 * GRID][3], rms = 0;
     for (int k = 0; k < GRID; k++)
         grid_line(k, X[2 * k], X[2 * k + 1]);
     *scale = 1;
     for (int i = 0; i < 10; i++)
-        rms = lay(p, n, X, scale);
+        rms = lay(lines, n, X, scale);
     return rms;
 }
 
-static score score_of(const adj_problem *p) {
+static score score_of(const arris_lines *lines) {
     score s;
-    s.ends = rms_of_ends(p, 6, &s.square);
-    s.scaled = rms_of_ends(p, 7, &s.square);
+    s.ends = rms_of_ends(lines, 6, &s.square);
+    s.scaled = rms_of_ends(lines, 7, &s.square);
     s.square *= SQUARE;
     return s;
 }
 
 /* ---- the test -------------------------------------------------------------------------------- */
 
-static void read_scan(const char *folder, adj_problem *p, uint32_t *frames) {
+static void read_scan(const char *folder, adj_problem *p, record *r, uint32_t *frames) {
     frame_list list;
     view_list views = {.board = {COLS, ROWS, SQUARE}};
     fault f;
@@ -215,6 +218,7 @@ static void read_scan(const char *folder, adj_problem *p, uint32_t *frames) {
     assert_true(list.n <= MAX_FRAMES);
     assert_int_equal(adj_init(p, MAX_FRAMES, LINES, MAX_FRAMES * LINES), 0);
     p->camera = arris_camera_ideal(&c);
+    assert_int_equal(record_init(r, &p->camera, MAX_FRAMES, MAX_FRAMES * LINES), 0);
     for (int k = 0; k < LINES; k++) {
         double P[3], Q[3];
         grid_line(k, P, Q);
@@ -233,17 +237,37 @@ static void read_scan(const char *folder, adj_problem *p, uint32_t *frames) {
         if (*v->left_out || misfit(&c, &pose, v->corner) > FAR)
             continue;
         int64_t frame = adj_add_frame(p, &pose, (double)list.item[i].utime / 1e6);
-        add_views(p, &c, (uint32_t)frame, v->corner);
+        assert_true(record_frame(r, list.item[i].index, list.item[i].utime, &pose));
+        add_views(p, r, &c, (uint32_t)frame, v->corner);
     }
     *frames = (uint32_t)list.n;
     views_free(&views);
     frames_free(&list);
 }
 
-/* The lines as the robot's poses have them, and with the poses adjusted. */
+/* The lines as the robot's poses have them. */
+static void triangulate(adj_problem *p, arris_lines *lines) {
+    adj_work *w = adj_work_new(p, &adj_cholmod);
+    assert_non_null(w);
+    for (int k = 0; k < 6; k++)
+        p->sigma[k] = 1e-9;
+    assert_true(adj_minimise(p, w, 50, 1e-6) > 0);
+    for (int k = 0; k < LINES; k++) {
+        arris_line *l = &lines->item[k];
+        *l = (arris_line){.id = k, .state = ARRIS_MEASURED, .into = -1};
+        adj_line_points(&p->line[k], l->p, l->q);
+    }
+    adj_work_free(w);
+}
+
+/* Those lines, and as they are with the poses adjusted. */
 static void measure(const char *name) {
     adj_problem p;
-    adj_quality q = {0};
+    record r;
+    adjusted a;
+    arris_line item[LINES];
+    arris_lines lines = {.item = item, .n = LINES, .max = LINES};
+    adjust_params params = {.robust = 4, .backend = &adj_cholmod};
     char folder[100];
     uint32_t frames;
     snprintf(folder, sizeof folder, "../shared/data/%s", name);
@@ -251,29 +275,21 @@ static void measure(const char *name) {
         printf("skipped: %s is not there\n", folder);
         skip();
     }
-    read_scan(folder, &p, &frames);
-    adj_work *w = adj_work_new(&p, &adj_cholmod);
-    assert_non_null(w);
-    for (int k = 0; k < 6; k++)
-        p.sigma[k] = 1e-9;
-    assert_true(adj_minimise(&p, w, 50, 1e-6) > 0);
-    score before = score_of(&p);
-    adj_work_free(w);
-    memset(p.sigma, 0, sizeof p.sigma);
-    p.robust = 4;
-    adj_set_common(&p, ADJ_LENS);
-    w = adj_work_new(&p, &adj_cholmod);
-    assert_non_null(w);
-    assert_int_equal(adj_estimate(&p, w, &q), 0);
-    score after = score_of(&p);
+    read_scan(folder, &p, &r, &frames);
+    triangulate(&p, &lines);
+    score before = score_of(&lines);
+    assert_int_equal(record_adjust(&r, &lines, &params, &a), 0);
+    score after = score_of(&lines);
+    const double *sigma = a.q.sigma, *lens = a.state;
     printf("%s: %u of %u pictures; ends %.3f -> %.3f mm, %.3f -> %.3f without scale; square %.3f "
            "-> %.3f mm, sigma %.3f; lens %.2f %.2f %.2f %.2f px; poses %.2f %.2f %.2f mm %.2f %.2f "
            "%.2f mrad\n",
            name, p.n_frames, frames, before.ends, after.ends, before.scaled, after.scaled,
-           before.square, after.square, q.scale_sigma * SQUARE, p.state[0], p.state[1], p.state[2],
-           p.state[3], q.sigma[0], q.sigma[1], q.sigma[2], q.sigma[3] * 1e3, q.sigma[4] * 1e3,
-           q.sigma[5] * 1e3);
-    adj_work_free(w);
+           before.square, after.square, a.q.scale_sigma * SQUARE, lens[0], lens[1], lens[2],
+           lens[3], sigma[0], sigma[1], sigma[2], sigma[3] * 1e3, sigma[4] * 1e3, sigma[5] * 1e3);
+    assert_true(a.lens && a.common == ADJ_LENS);
+    record_adjusted_free(&a);
+    record_free(&r);
     adj_free(&p);
     assert_true(after.ends < 0.8 && after.ends < before.ends);
     assert_true(after.scaled < 0.4);

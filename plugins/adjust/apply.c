@@ -168,6 +168,8 @@ static int write_poses(const adj_problem *p, record *r, adjusted *out) {
     for (uint32_t i = 0; i < p->n_frames; i++) {
         recorded_frame *f = &r->frame[i];
         out->pose[i] = p->frame[i].pose;
+        memcpy(f->at.C, p->frame[i].pose.C, sizeof f->at.C);
+        memcpy(f->at.R, p->frame[i].pose.R, sizeof f->at.R);
         f->outlier = p->frame[i].outlier || (f->seen > 3 && f->strays > STRAY * f->seen);
     }
     return 0;
@@ -256,35 +258,50 @@ static int write(const adj_problem *p, const adj_work *w, record *r, arris_lines
     return 0;
 }
 
+enum { LENS_STEPS = 20 };
+static const double SETTLED = 0.1; /* of chi-square */
+static const double EVIDENT = 6;   /* sigmas of what the lens model left, that is no chance */
+
+/* Whether the lens model evidently left something, by the noise as it was estimated without; moves
+ * the problem. 0 or an error of adj_minimise. */
+static int look_at_lens(adj_problem *p, const adj_backend *backend, bool *evident) {
+    adj_set_common(p, p->common | ADJ_LENS);
+    adj_work *w = adj_work_new(p, backend);
+    int n = adj_n_common(p), rc = w ? adj_minimise(p, w, LENS_STEPS, SETTLED) : ARRIS_E_MEMORY;
+    rc = rc < 0 ? rc : adj_marginals(p, w);
+    for (int k = n - ADJ_LENS_TERMS; rc == 0 && k < n; k++)
+        *evident |= fabs(p->state[k]) > EVIDENT * sqrt(adj_state_variance(w, k));
+    adj_work_free(w);
+    return rc;
+}
+
 /* Once, with the segments that are surely of their line, or all; where the frames are thought to be
  * goes into the record. */
 static int adjust_once(record *r, arris_lines *lines, const adjust_params *params, double apart,
                        int64_t *place, adjusted *out) {
     adj_problem p = {.frame = NULL};
-    adj_work *w = NULL;
     int rc = record_associate(r, lines, apart);
     rc = rc ? rc : build(&p, r, lines, params, place);
     *out->undetermined = 0;
     if (rc == 0 && !too_little(&p, out)) {
-        w = adj_work_new(&p, params->backend);
+        adj_work *w = adj_work_new(&p, params->backend);
         rc = w ? adj_estimate(&p, w, &out->q) : ARRIS_E_MEMORY;
-        if (rc == 0)
-            rc = write(&p, w, r, lines, place, out);
+        rc = rc ? rc : write(&p, w, r, lines, place, out);
+        adj_work_free(w);
+        if (rc == 0 && apart > 0)
+            rc = look_at_lens(&p, params->backend, &out->lens);
     }
-    for (uint32_t i = 0; rc == 0 && i < p.n_frames; i++) {
-        memcpy(r->frame[i].at.C, p.frame[i].pose.C, sizeof p.frame[i].pose.C);
-        memcpy(r->frame[i].at.R, p.frame[i].pose.R, sizeof p.frame[i].pose.R);
-    }
-    adj_work_free(w);
     adj_free(&p);
     return rc;
 }
 
 int record_adjust(record *r, arris_lines *lines, const adjust_params *params, adjusted *out) {
     int64_t *place = malloc((lines->n + (size_t)1) * sizeof *place);
+    adjust_params p = *params;
     memset(out, 0, sizeof *out);
-    int rc = place ? adjust_once(r, lines, params, APART, place, out) : ARRIS_E_MEMORY;
-    rc = rc ? rc : adjust_once(r, lines, params, 0, place, out);
+    int rc = place ? adjust_once(r, lines, &p, APART, place, out) : ARRIS_E_MEMORY;
+    p.common |= out->lens ? ADJ_LENS : 0;
+    rc = rc ? rc : adjust_once(r, lines, &p, 0, place, out);
     if (rc < 0)
         record_adjusted_free(out);
     free(place);

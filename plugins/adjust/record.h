@@ -46,7 +46,7 @@ void record_add(record *r, int32_t track, const arris_segment *s, const arris_ca
 typedef struct adjust_params {
     double pose_sigma, rot_sigma; /* mm, rad; 0: unknown, estimated */
     double robust;                /* sigmas */
-    unsigned common;              /* states */
+    unsigned common;              /* states; the lens is one of them where that is evident, too */
     const adj_backend *backend;
 } adjust_params;
 
@@ -54,6 +54,7 @@ typedef struct adjust_params {
 typedef struct adjusted {
     adj_quality q;
     uint32_t lines, views; /* that took part */
+    bool lens;             /* what the lens model left is evident, and a state */
     unsigned common;
     int n_states;             /* in all */
     double state[ADJ_COMMON]; /* of `common`, as of adj_problem */
