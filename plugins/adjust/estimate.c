@@ -10,14 +10,19 @@
 
 #include "work.h"
 
-enum { ROUNDS = 16, STEPS = 20, FEWER = 4 };
-enum { ALIKE = 3, LOOSE = 5, APART = 8 }; /* rounds until lines have their own variance; */
-/* until the poses' is estimated; until lines have a memory */
+enum { ROUNDS = 19, STEPS = 20, FEWER = 4 };
+/* Rounds until lines have their own variance; until they have a memory, and are told from others;
+ * and until that is what it is, and the variance of the poses is estimated. Until then poses are as
+ * loose as a robot's, or as they were found to be: what they do not take up is the lines' own. Else
+ * a line could take the poses' errors for its own, weigh little for that, and leave them as they
+ * are; and with poses that are free, where edges are poor, lines leave theirs to the poses. */
+enum { ALIKE = 3, APART = 5, TIED = 8 };
 static const double STILL = 0.03;            /* relative change of a sigma that is none */
 static const double COARSE = 0.1;            /* of chi-square, while the noise is not known */
 static const double FINE = 1e-9;             /* at the end */
-static const double START[2] = {1e-3, 1e-3}; /* sigma of the poses: of the distance, and rad */
+static const double START[2] = {4e-4, 3e-4}; /* sigma of the poses: of the distance, and rad */
 static const double LEAST[2] = {1e-6, 1e-6}; /* below which it is none; likewise */
+static const double FITTED = 2;              /* numbers of an axis that the scan's place takes */
 static const double NOISE = 3;               /* sigmas from which a correlation is none by chance */
 static const double ENOUGH = 3;              /* degrees of freedom that tell a sigma */
 static const double PRIOR_DOF = 10;    /* weight of all lines' variance against a line's own */
@@ -72,10 +77,8 @@ static double dof_of(const fit *f, double share) {
 }
 
 /* Sets the lines' variances, the whole scan's counting as a few residuals of each; `share` is that
- * of the residuals which the poses leave; `fits` has room for all lines. Returns by how much they
- * changed on average, as a share.
- */
-static double weigh_lines(adj_problem *p, const adj_system *s, double share, int round, fit *fits) {
+ * of the residuals which the poses leave; `fits` has room for all lines. */
+static void weigh_lines(adj_problem *p, const adj_system *s, double share, int round, fit *fits) {
     double sum = 0, n = 0, expected = adj_expected_share(p);
     for (uint32_t i = 0; i < p->n_lines; i++) {
         fits[i] = fit_of(p, s, i, expected);
@@ -85,19 +88,15 @@ static double weigh_lines(adj_problem *p, const adj_system *s, double share, int
         sum += log(fits[i].chi2 / dof + 1e-3);
         n++;
     }
-    double usual = n > 0 ? exp(sum / n) : 1, changed = 0;
+    double usual = n > 0 ? exp(sum / n) : 1;
     for (uint32_t i = 0; i < p->n_lines; i++) {
         fit f = fits[i];
         double v = (f.chi2 + PRIOR_DOF * usual) / (dof_of(&f, share) + PRIOR_DOF);
-        v = round < ALIKE ? fmax(usual, 1) : fmax(v, 1);
-        double misfit = fmax(p->line[i].misfit / fmax(f.views, 1) - CHANCE, 0);
-        double memory = (round < APART ? 1 : f.memory) + ALIKE_VIEWS * misfit;
         adj_line *l = &p->line[i];
-        changed += fabs(log(v * memory / (l->variance * l->memory))) / p->n_lines;
-        l->variance = v;
-        l->memory = memory;
+        double misfit = fmax(l->misfit / fmax(f.views, 1) - CHANCE, 0);
+        l->variance = round < ALIKE ? fmax(usual, 1) : fmax(v, 1);
+        l->memory = round < APART ? 1 : f.memory + ALIKE_VIEWS * misfit;
     }
-    return changed;
 }
 
 /* ---- poses ----------------------------------------------------------------------------------- */
@@ -145,7 +144,7 @@ static double memory_of(const adj_problem *p) {
             break;
         sum += 2 * product / square;
     }
-    return sum;
+    return sum / fmax(1 - FITTED * sum / p->n_frames, 0.5);
 }
 
 /* The variance of the three axes from `first` on taken together, as far as they tell one. */
@@ -224,7 +223,7 @@ static void begin(adj_problem *p, double distance, const adj_quality *q, bool kn
     for (int k = 0; k < 6; k++) {
         known[k] = p->sigma[k] > 0;
         if (!known[k])
-            p->sigma[k] = q->rounds > 0 ? q->sigma[k] : START[k / 3] * (k < 3 ? distance : 1);
+            p->sigma[k] = fmax(START[k / 3] * (k < 3 ? distance : 1), q->sigma[k]);
     }
 }
 
@@ -257,12 +256,14 @@ static double told_of_poses(const component c[6]) {
 
 /* What hangs together tells less than its number: of the poses, and of each line's views, as far as
  * no profile explained them. */
-static void discount(adj_problem *p, double memory) {
+static void discount(adj_problem *p, const adj_system *s, double memory) {
+    double expected = adj_expected_share(p);
     for (int k = 0; k < 6; k++)
         p->sigma[k] *= sqrt(memory);
     for (uint32_t i = 0; i < p->n_lines; i++) {
         adj_line *l = &p->line[i];
-        l->memory = fmax(l->memory, 1 + l->misfit / INDEPENDENT);
+        double own = fit_of(p, s, i, expected).memory;
+        l->memory = fmax(fmax(l->memory, own), 1 + l->misfit / INDEPENDENT);
     }
 }
 
@@ -275,13 +276,13 @@ static double usual_line(const adj_problem *p, double *scratch) {
 }
 
 static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch, fit *fits) {
-    bool known[6], changed = true;
+    bool known[6], changed = true, again = q->rounds > 0;
     component c[6];
     double poses = 0, most = 1, distance = median_distance(p, scratch);
-    int rc = 0, first = q->rounds > 0 ? ALIKE : 0;
+    int rc = 0, first = again ? ALIKE : 0;
     begin(p, distance, q, known);
     q->rounds = 0;
-    for (int i = first; rc >= 0 && i < ROUNDS && (i <= APART || most > STILL || changed);
+    for (int i = first; rc >= 0 && i < ROUNDS && (i <= TIED || most > STILL || changed);
          i++, q->rounds++) {
         double share = 1 - poses / fmax(2.0 * p->n_views, poses + 1);
         rc = adj_work_plan(w, p);
@@ -289,18 +290,20 @@ static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch
             break;
         if (i >= APART)
             adj_agree(p, &w->system, usual_line(p, scratch));
-        double lines = weigh_lines(p, &w->system, share, i, fits);
-        rc = adj_minimise(p, w, i < LOOSE ? STEPS : FEWER, COARSE);
+        if (i <= TIED)
+            weigh_lines(p, &w->system, share, i, fits);
+        rc = adj_minimise(p, w, i < APART ? STEPS : FEWER, COARSE);
         changed = rc >= 0 && find_outliers(p, distance, scratch, q);
-        most = lines;
-        if (rc < 0 || i + 1 < LOOSE)
+        if (rc < 0 || i + 1 < APART)
             continue;
         rc = adj_marginals(p, w);
         if (rc < 0)
             break;
         sum_components(p, w, c);
-        if (i >= LOOSE)
-            most = fmax(update_sigmas(p, c, known, distance, q->determined), lines);
+        if (i == TIED && again)
+            memcpy(p->sigma, q->sigma, sizeof p->sigma);
+        else if (i >= TIED)
+            most = update_sigmas(p, c, known, distance, q->determined);
         poses = told_of_poses(c);
     }
     rc = rc < 0 ? rc : adj_minimise(p, w, STEPS, FINE);
@@ -308,7 +311,7 @@ static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch
         return rc;
     memcpy(q->sigma, p->sigma, sizeof q->sigma);
     q->memory = memory_of(p);
-    discount(p, q->memory);
+    discount(p, &w->system, q->memory);
     rc = adj_marginals(p, w);
     judge(p, &w->system, poses, q);
     return rc;
