@@ -4,6 +4,8 @@
  */
 #include "line.h"
 
+#include "memory.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -62,9 +64,14 @@ double line_rest_weight(const line *l, const scene *s) {
     return s->rest * s->noise.position * s->noise.position / across;
 }
 
-/* How many views count as one; each, once their poses are corrected. */
-static double memory(const scene *s) {
-    return s->rest > 0 ? 1 : s->memory;
+/* What the views share; nothing, once their poses are corrected. */
+static double shared(const line *l, const scene *s) {
+    if (s->rest > 0)
+        return 0;
+    if (!s->memories.known)
+        return residual_scale(l, s) * (s->memory - 1);
+    mat4 C = covariance(l, 1, l->prior);
+    return memory_shared(&s->memories, l, s, &C);
 }
 
 /* The variance of the estimate over the stated one: by the size of the residuals and how they hang
@@ -75,7 +82,7 @@ static double excess(const line *l, const scene *s) {
     double turn = (l->swing[1] - l->swing[0]) / SURROUNDINGS;
     double values = fmin(fmax(turn, 1), INDEPENDENT);
     double blend = l->blend * l->all.n / values;
-    double usual = residual_scale(l, s) * (memory(s) + fmax(l->all.misfit, 0) / values) + blend;
+    double usual = residual_scale(l, s) * (1 + fmax(l->all.misfit, 0) / values) + l->shared + blend;
     return l->drift > EVIDENT * usual ? l->drift : usual;
 }
 
@@ -168,8 +175,9 @@ static void survey(line *l, const scene *s) {
     line_trim(l);
     l->drift = 0;
     if (l->settled) {
+        l->shared = shared(l, s);
         line_groups(l, s, group);
-        l->drift = line_disagreement(group, l->n_kept, l->scale * memory(s), &C);
+        l->drift = line_disagreement(group, l->n_kept, l->scale + l->shared, &C);
     }
     l->next_survey = l->seen + 1 + l->seen / 8;
 }

@@ -17,16 +17,26 @@
 
 enum { LINE_KEPT = 64 };
 
+/* How the poses' noise hangs together (memory.h): by its correlation from frame to frame. */
+enum { MEMORIES = 12 };
+typedef struct memories {
+    bool known;
+    double mean;                                 /* views that count as one, of the usual line */
+    double weight[MEMORIES], variance[MEMORIES]; /* how likely it is; mm², of the noise then */
+    double likelihood[MEMORIES], views, most;    /* logarithm; views in all, of a line at most */
+} memories;
+
 /* What all lines of a scan share. */
 typedef struct scene {
-    pose_noise noise; /* of the poses */
-    double scale;     /* variance of the residuals over the stated one; 1: as stated */
-    double memory;    /* views that count as one, because their noise is correlated; at least 1 */
-    double rest;      /* what a view counts that is not kept, once the poses are well corrected:
-                       * its own is not, and that is in other lines' views, too; 0: they are not */
-    double S[9];      /* the covariance of the positions then, mm² */
-    double depth;     /* mm; where a line is looked for as long as nothing is known of its own */
-    double nearest;   /* mm; no line is nearer; 0: unknown */
+    pose_noise noise;  /* of the poses */
+    double scale;      /* variance of the residuals over the stated one; 1: as stated */
+    double memory;     /* views that count as one, because their noise is correlated; at least 1 */
+    memories memories; /* that of the poses alone, at the end of the scan */
+    double rest;       /* what a view counts that is not kept, once the poses are well corrected:
+                        * its own is not, and that is in other lines' views, too; 0: they are not */
+    double S[9];       /* the covariance of the positions then, mm² */
+    double depth;      /* mm; where a line is looked for as long as nothing is known of its own */
+    double nearest;    /* mm; no line is nearer; 0: unknown */
 } scene;
 
 typedef struct line {
@@ -38,6 +48,7 @@ typedef struct line {
     double prior;    /* mm; sigma of x before any view */
     double scale;    /* variance of the residuals over the stated one; at least 1 */
     double drift;    /* variance of what parts of the views say over the stated one; 0: unknown */
+    double shared;   /* variance of the estimate by what views share, over the stated one */
     bool parted;     /* from a neighbour that it is not resolved from */
     double blend;    /* variance of a view by what is not resolved, over the stated one */
     double ends[2];  /* as places */

@@ -43,11 +43,8 @@ double noise_position(const noise *n) {
     return n->common > 0 && n->weight > 0 ? sqrt(n->common / (n->weight + FEW)) : 0;
 }
 
-double memory_of(double rho) {
+double noise_memory(const noise *n) {
+    double rho = n->square > 0 ? n->product / (n->square + FEW) : 0;
     rho = fmin(fmax(rho, 0), MOST_CORRELATED);
     return (1 + rho) / (1 - rho);
-}
-
-double noise_memory(const noise *n) {
-    return memory_of(n->square > 0 ? n->product / (n->square + FEW) : 0);
 }

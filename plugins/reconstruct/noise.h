@@ -25,11 +25,8 @@ void noise_end_frame(noise *n);
 /* sigma of the camera's position in a view, mm, as far as it shows in more than one line. */
 double noise_position(const noise *n);
 
-/* How many successive values of an autoregressive process count as one, whose correlation from one
- * to the next is rho: (1 + rho) / (1 - rho), of a rho from 0 to 0.9. */
-double memory_of(double rho);
-
-/* How many successive views do, by the lines' residuals. */
+/* How many successive views count as one, by the lines' residuals: (1 + rho) / (1 - rho), rho their
+ * correlation from one to the next, from 0 to 0.9. */
 double noise_memory(const noise *n);
 
 #endif

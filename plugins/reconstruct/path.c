@@ -55,7 +55,7 @@ void path_begin(path *p, const shifts *t, uint32_t frames, const scene *s) {
         uint32_t k = knots(p, at, w);
         for (uint32_t i = 0; i < 6; i++)
             for (uint32_t j = 0; j < 6; j++) {
-                double a = w[i / 3] * weight[3 * (i % 3) + j % 3] / s->memory;
+                double a = w[i / 3] * weight[3 * (i % 3) + j % 3] / s->memories.mean;
                 p->A[k + i][k + j] += a * w[j / 3];
                 p->x[k + i] -= j < 3 ? a * d[j] : 0;
             }
@@ -105,7 +105,7 @@ void path_add(path *p, const line *l, const scene *s) {
     mat4 C;
     info past = line_past(l, s);
     double slope[4];
-    add_views(p, l, s, l->scale * s->memory, BIAS * BIAS, &a, p->A, p->x);
+    add_views(p, l, s, l->scale * s->memories.mean, BIAS * BIAS, &a, p->A, p->x);
     info_slope(&past, l->x, slope);
     for (int i = 0; i < 4; i++) {
         a.g[i] += slope[i];

@@ -22,7 +22,7 @@ path *path_new(void);
 void path_free(path *p); /* NULL is allowed */
 
 /* Forgets everything. The shifts of the `frames`, at least one, are the prior; their noise is
- * correlated as s->memory says. */
+ * correlated as s->memories says. */
 void path_begin(path *p, const shifts *t, uint32_t frames, const scene *s);
 
 /* Adds what the kept views of a settled line say. */

@@ -8,6 +8,7 @@
 #include <sys/mman.h>
 
 #include "entries.h"
+#include "memory.h"
 
 #define LARGE_PAGE ((size_t)1 << 21)
 enum { SHIFTS = 4096 };                   /* frames whose poses are corrected apart */
@@ -267,6 +268,25 @@ static void follow_noise(scan *s) {
             line_refine(&s->alive[i]->l, &s->scene);
 }
 
+/* What all kept views tell of the poses' noise. */
+static void find_memory(scan *s) {
+    memories *m = &s->scene.memories;
+    double sum = 0, n = 0;
+    memory_begin(m);
+    for (uint32_t i = 0; i < s->n; i++)
+        if (entry_counts(s, s->alive[i]))
+            memory_add(m, &s->alive[i]->l, &s->scene);
+    memory_end(m);
+    for (uint32_t i = 0; m->known && i < s->n; i++) {
+        const line *l = &s->alive[i]->l;
+        if (!entry_counts(s, s->alive[i]))
+            continue;
+        sum += memory_shared(m, l, &s->scene, &l->cov) / l->scale;
+        n++;
+    }
+    m->mean = n > 0 ? 1 + sum / n : 1;
+}
+
 static void update_scene(scan *s) {
     noise_end_frame(&s->noise);
     if (s->p.pose_sigma <= 0)
@@ -349,6 +369,7 @@ void scan_finish(scan *s) {
             line_refine(&e->l, &s->scene);
     }
     update_typical(s);
+    find_memory(s);
     for (uint32_t i = 0; i < s->n; i++)
         line_complete(&s->alive[i]->l, &s->scene);
     unite_finish(s);

@@ -5,15 +5,12 @@
  */
 #include "shift.h"
 
-#include "noise.h"
-
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 static const double BIAS = 0.05; /* px, of any line: what it sees of its surroundings */
 static const double OUTLIER = 3; /* sigmas from which a line counts less */
-static const double CHANCE = 2;  /* sigmas of a correlation that is none */
 enum { EM_STEPS = 3 };
 
 /* A shift d of a frame: A d = v. */
@@ -134,28 +131,6 @@ double shifts_lines(const shifts *t) {
 
 void shifts_prior(const shifts *t, double inverse[9]) {
     memcpy(inverse, t->prior.A, sizeof t->prior.A);
-}
-
-double shifts_memory(const shifts *t) {
-    double product = 0, square = 0, before[3] = {0}, gaps = 0, n = 0;
-    uint32_t last = 0;
-    for (uint32_t k = 0, at; k < shifts_places(t); k++) {
-        double d[3];
-        if (!shifts_at(t, k, &at, d))
-            continue;
-        if (n > 0) {
-            product += arris_dot(before, d);
-            square += (arris_dot(before, before) + arris_dot(d, d)) / 2;
-            gaps += at - last;
-        }
-        memcpy(before, d, sizeof before);
-        last = at;
-        n++;
-    }
-    double rho = square > 0 ? product / square : 0;
-    if (n < 3 || rho < CHANCE / sqrt(n))
-        return 1;
-    return memory_of(pow(rho, (n - 1) / gaps));
 }
 
 /* As if the prior had been the inverse of S. */

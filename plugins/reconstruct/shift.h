@@ -39,10 +39,6 @@ double shifts_lines(const shifts *t);
 /* The inverse of S. */
 void shifts_prior(const shifts *t, double inverse[9]);
 
-/* How many successive frames count as one, by the correlation of the shifts, as noise_memory has
- * it; 1 when it may be chance. */
-double shifts_memory(const shifts *t);
-
 /* S anew from the shifts: their squares and what they leave (EM; Dempster 1977). */
 void shifts_spread(const shifts *t, double S[9]);
 

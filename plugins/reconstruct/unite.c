@@ -150,8 +150,7 @@ static void correct_path(scan *s) {
     double scale = fmin(1, most / (S[0] + S[4] + S[8]));
     for (int i = 0; i < 9; i++)
         S[i] *= scale;
-    s->scene.memory = fmax(s->scene.memory, shifts_memory(s->shifts));
-    s->scene.rest = 1 / (s->scene.memory * shifts_lines(s->shifts));
+    s->scene.rest = 1 / (s->scene.memories.mean * shifts_lines(s->shifts));
     refine_settled(s);
     path_begin(s->path, s->shifts, s->frames, &s->scene);
     for (uint32_t i = 0; i < s->n; i++)
