@@ -433,7 +433,7 @@ static double off_line(const double X[3], const edge3 *e) {
 
 static void read_end(const json_t *line, const char *key, double X[3]) {
     for (size_t k = 0; k < 3; k++)
-        X[k] = json_real_value(json_array_get(json_object_get(line, key), k));
+        X[k] = json_number_value(json_array_get(json_object_get(line, key), k));
 }
 
 /* Of the measured lines that lie along the edge for most of its length, the distance of the best
