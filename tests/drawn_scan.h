@@ -156,4 +156,17 @@ static inline double nees_of(const arris_line *l, uint32_t i) {
     return sum / 4;
 }
 
+/* Adds nees_of the lines that many frames saw, and how many these are. */
+static inline void add_nees(const arris_lines *lines, double *nees, double *n) {
+    for (uint32_t i = 0; i < lines->n; i++)
+        if (i % 4 && lines->item[i].views > 20)
+            *nees += nees_of(&lines->item[i], i), ++*n;
+}
+
+static inline void free_scan(record *r, arris_lines *lines, adjusted *result) {
+    record_adjusted_free(result);
+    record_free(r);
+    free(lines->item);
+}
+
 #endif

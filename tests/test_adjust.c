@@ -259,9 +259,7 @@ static void what_is_not_told_is_said(void **unused) {
         all_finite(&lines);
         if (k < 4)
             assert_true(*result.undetermined);
-        record_adjusted_free(&result);
-        record_free(&r);
-        free(lines.item);
+        free_scan(&r, &lines, &result);
     }
 }
 

@@ -287,7 +287,7 @@ static void measure(const char *name) {
            name, p.n_frames, frames, before.ends, after.ends, before.scaled, after.scaled,
            before.square, after.square, a.q.scale_sigma * SQUARE, lens[0], lens[1], lens[2],
            lens[3], sigma[0], sigma[1], sigma[2], sigma[3] * 1e3, sigma[4] * 1e3, sigma[5] * 1e3);
-    assert_true(a.lens && a.common == ADJ_LENS);
+    assert_int_equal(a.common, ADJ_LENS);
     record_adjusted_free(&a);
     record_free(&r);
     adj_free(&p);

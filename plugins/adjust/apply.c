@@ -262,22 +262,24 @@ enum { LENS_STEPS = 20 };
 static const double SETTLED = 0.1; /* of chi-square */
 static const double EVIDENT = 6;   /* sigmas of what the lens model left, that is no chance */
 
-/* Whether the lens model evidently left something, by the noise as it was estimated without; moves
- * the problem. 0 or an error of adj_minimise. */
-static int look_at_lens(adj_problem *p, const adj_backend *backend, bool *evident) {
+/* Makes the lens one of the states where its model evidently left something, by the noise as it was
+ * estimated without; moves the problem. 0 or an error of adj_minimise. */
+static int look_at_lens(adj_problem *p, adjust_params *params) {
+    bool evident = false;
     adj_set_common(p, p->common | ADJ_LENS);
-    adj_work *w = adj_work_new(p, backend);
+    adj_work *w = adj_work_new(p, params->backend);
     int n = adj_n_common(p), rc = w ? adj_minimise(p, w, LENS_STEPS, SETTLED) : ARRIS_E_MEMORY;
     rc = rc < 0 ? rc : adj_marginals(p, w);
     for (int k = n - ADJ_LENS_TERMS; rc == 0 && k < n; k++)
-        *evident |= fabs(p->state[k]) > EVIDENT * sqrt(adj_state_variance(w, k));
+        evident |= fabs(p->state[k]) > EVIDENT * sqrt(adj_state_variance(w, k));
+    params->common |= evident ? ADJ_LENS : 0;
     adj_work_free(w);
     return rc;
 }
 
 /* Once, with the segments that are surely of their line, or all; where the frames are thought to be
- * goes into the record. */
-static int adjust_once(record *r, arris_lines *lines, const adjust_params *params, double apart,
+ * goes into the record, and what the former tell of the lens into the parameters. */
+static int adjust_once(record *r, arris_lines *lines, adjust_params *params, double apart,
                        int64_t *place, adjusted *out) {
     adj_problem p = {.frame = NULL};
     int rc = record_associate(r, lines, apart);
@@ -288,8 +290,8 @@ static int adjust_once(record *r, arris_lines *lines, const adjust_params *param
         rc = w ? adj_estimate(&p, w, &out->q) : ARRIS_E_MEMORY;
         rc = rc ? rc : write(&p, w, r, lines, place, out);
         adj_work_free(w);
-        if (rc == 0 && apart > 0)
-            rc = look_at_lens(&p, params->backend, &out->lens);
+        if (rc == 0 && apart > 0 && !(params->common & ADJ_LENS))
+            rc = look_at_lens(&p, params);
     }
     adj_free(&p);
     return rc;
@@ -300,7 +302,6 @@ int record_adjust(record *r, arris_lines *lines, const adjust_params *params, ad
     adjust_params p = *params;
     memset(out, 0, sizeof *out);
     int rc = place ? adjust_once(r, lines, &p, APART, place, out) : ARRIS_E_MEMORY;
-    p.common |= out->lens ? ADJ_LENS : 0;
     rc = rc ? rc : adjust_once(r, lines, &p, 0, place, out);
     if (rc < 0)
         record_adjusted_free(out);

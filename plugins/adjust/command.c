@@ -29,7 +29,7 @@ static const char help[] =
     "  --pose-sigma MM   noise of the reported positions, per axis; otherwise it is estimated\n"
     "  --rot-sigma RAD   noise of the reported rotations, per axis; otherwise it is estimated\n"
     "  --states LIST     what else the poses have in common, with commas between: scale, drift,\n"
-    "                    hand-eye, delay; and the pictures: lens\n"
+    "                    hand-eye, delay; and the pictures: lens, a state anyway when evident\n"
     "  --robust SIGMAS   from which a segment counts less (4); 0: never\n"
     "  --solver NAME     cholmod (the default) or eigen\n"
     "  --truth FILE      a frames.csv with the true poses, to compare with\n"

@@ -54,7 +54,6 @@ typedef struct adjust_params {
 typedef struct adjusted {
     adj_quality q;
     uint32_t lines, views; /* that took part */
-    bool lens;             /* what the lens model left is evident, and a state */
     unsigned common;
     int n_states;             /* in all */
     double state[ADJ_COMMON]; /* of `common`, as of adj_problem */
