@@ -52,6 +52,34 @@ static void noise_and_covariance_are_true(void **unused) {
     assert_true(fabs(factor - 1) < 0.1);
 }
 
+/* Edges whose profiles fit ill may err alike: that makes their lines less sure, but what the poses
+ * err by is told from them all the same. */
+static void ill_profiles_do_not_hide_the_noise(void **unused) {
+    (void)unused;
+    scan_plan plan = {60, 14, 6, 0.2, 2e-4, 0.05, false};
+    adjust_params params = {.robust = 4, .backend = &adj_cholmod};
+    adjusted result[2];
+    double variance[2] = {0, 0};
+    for (int ill = 0; ill < 2; ill++) {
+        record r;
+        arris_lines lines = {0};
+        state = 140;
+        simulate(&plan, &r, &lines);
+        for (uint32_t i = 0; i < r.n; i++)
+            r.item[i].chi2 = ill ? 3 : 1;
+        assert_int_equal(record_adjust(&r, &lines, &params, &result[ill]), 0);
+        for (uint32_t l = 0; l < lines.n; l++)
+            variance[ill] += lines.item[l].cov[0];
+        free_scan(&r, &lines, &result[ill]);
+    }
+    for (int k = 0; k < 6; k++) {
+        double good = result[0].q.sigma[k], ill = result[1].q.sigma[k];
+        print_message("sigma %.3g, %.3g\n", good, ill);
+        assert_near(ill / good, 1, 0.05);
+    }
+    assert_true(variance[1] > 1.1 * variance[0]);
+}
+
 /* Nothing but the reported poses tells the scale: as a state it stays where it was, is known no
  * better than beforehand, and takes nothing from the noise of the poses. */
 static void a_scale_that_nothing_tells_stays(void **unused) {
@@ -303,6 +331,7 @@ static void outliers_may_see_little(void **unused) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(noise_and_covariance_are_true),
+        cmocka_unit_test(ill_profiles_do_not_hide_the_noise),
         cmocka_unit_test(a_scale_that_nothing_tells_stays),
         cmocka_unit_test(poses_that_err_alike_are_adjusted),
         cmocka_unit_test(views_of_another_edge_do_no_harm),

@@ -27,9 +27,7 @@ static const double NOISE = 3;               /* sigmas from which a correlation 
 static const double ENOUGH = 3;              /* degrees of freedom that tell a sigma */
 static const double PRIOR_DOF = 10;    /* weight of all lines' variance against a line's own */
 static const double CORRELATED = 0.9;  /* of a line's residuals from view to view, at most */
-static const double ALIKE_VIEWS = 10;  /* in which what no profile explains is the same */
 static const double INDEPENDENT = 2.3; /* values of it at most, in any number of views */
-static const double CHANCE = 0.1;      /* of misfit, that says nothing */
 static const double FAR = 7;           /* robust sigmas from which a pose is an outlier */
 enum { FEW = 10 };                     /* frames that do not tell what an outlier is */
 
@@ -93,9 +91,8 @@ static void weigh_lines(adj_problem *p, const adj_system *s, double share, int r
         fit f = fits[i];
         double v = (f.chi2 + PRIOR_DOF * usual) / (dof_of(&f, share) + PRIOR_DOF);
         adj_line *l = &p->line[i];
-        double misfit = fmax(l->misfit / fmax(f.views, 1) - CHANCE, 0);
         l->variance = round < ALIKE ? fmax(usual, 1) : fmax(v, 1);
-        l->memory = round < APART ? 1 : f.memory + ALIKE_VIEWS * misfit;
+        l->memory = round < APART ? 1 : f.memory;
     }
 }
 
