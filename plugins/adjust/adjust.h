@@ -50,9 +50,6 @@ typedef struct adj_quality {
  * adj_minimise. */
 int adj_estimate(adj_problem *p, adj_work *w, adj_quality *q);
 
-/* What weighted squared distances are on average over 2, for Gaussian noise. */
-double adj_expected_share(const adj_problem *p);
-
 /* Prepares the covariances where the problem is. 0 or an error of adj_minimise. */
 int adj_marginals(adj_problem *p, adj_work *w);
 

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit.h"
 #include "record.h"
 #include "tell.h"
 
@@ -107,26 +108,6 @@ static int build(adj_problem *p, const record *r, const arris_lines *lines,
 
 /* ---- back ------------------------------------------------------------------------------------ */
 
-/* Of a line's residuals. */
-typedef struct fit {
-    double sum, weights; /* px² */
-    uint32_t views;      /* that agree */
-} fit;
-
-static void sum_fits(const adj_problem *p, fit *fits) {
-    double r[2];
-    for (uint32_t i = 0; i < p->n_views; i++) {
-        const adj_view *v = &p->view[i];
-        const adj_line *l = &p->line[v->line];
-        if (v->apart || !adj_residual(p, v, &p->frame[v->frame].pose, l, r, NULL, NULL))
-            continue;
-        double weight = adj_weight(p, adj_distance(v, l, r));
-        fits[v->line].sum += weight * (r[0] * r[0] + r[1] * r[1]) / 2;
-        fits[v->line].weights += weight;
-        fits[v->line].views += weight > 0.5;
-    }
-}
-
 /* The sum of the variances of p and q, mm². */
 static double trace(const arris_line *l) {
     double sum = 0;
@@ -137,11 +118,11 @@ static double trace(const arris_line *l) {
 
 static int write_lines(const adj_problem *p, const adj_work *w, arris_lines *lines,
                        const int64_t *place) {
-    fit *fits = calloc(p->n_lines, sizeof *fits);
+    adj_fit *fits = malloc(p->n_lines * sizeof *fits);
     double cov[16];
     if (!fits)
         return ARRIS_E_MEMORY;
-    sum_fits(p, fits);
+    adj_fits(p, fits);
     for (uint32_t i = 0; i < lines->n; i++) {
         if (place[i] < 0)
             continue;
@@ -153,8 +134,8 @@ static int write_lines(const adj_problem *p, const adj_work *w, arris_lines *lin
         tell_line(&p->line[k], cov, l);
         if (l->state == ARRIS_MEASURED && trace(l) > LESS * was)
             l->state = ARRIS_WEAK;
-        l->rms = fits[k].weights > 0 ? sqrt(fits[k].sum / fits[k].weights) : 0;
-        l->views = fits[k].views;
+        l->rms = adj_fit_rms(&fits[k]);
+        l->views = (uint32_t)fits[k].agree;
     }
     free(fits);
     return 0;

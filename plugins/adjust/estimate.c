@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fit.h"
 #include "work.h"
 
 enum { ROUNDS = 19, STEPS = 20, FEWER = 4 };
@@ -25,74 +26,21 @@ static const double LEAST[2] = {1e-6, 1e-6}; /* below which it is none; likewise
 static const double FITTED = 2;              /* numbers of an axis that the scan's place takes */
 static const double NOISE = 3;               /* sigmas from which a correlation is none by chance */
 static const double ENOUGH = 3;              /* degrees of freedom that tell a sigma */
-static const double PRIOR_DOF = 10;    /* weight of all lines' variance against a line's own */
-static const double CORRELATED = 0.9;  /* of a line's residuals from view to view, at most */
-static const double INDEPENDENT = 2.3; /* values of it at most, in any number of views */
-static const double FAR = 7;           /* robust sigmas from which a pose is an outlier */
-enum { FEW = 10 };                     /* frames that do not tell what an outlier is */
+static const double INDEPENDENT = 2.3;       /* values of it at most, in any number of views */
+static const double FAR = 7;                 /* robust sigmas from which a pose is an outlier */
+enum { FEW = 10 };                           /* frames that do not tell what an outlier is */
 
 /* ---- segments -------------------------------------------------------------------------------- */
 
-/* The mean of t w(2 t) exp(-t). */
-double adj_expected_share(const adj_problem *p) {
-    double sum = 0, step = 0.01;
-    for (double t = step / 2; t < 40; t += step)
-        sum += t * adj_weight(p, 2 * t) * exp(-t) * step;
-    return sum;
-}
-
-typedef struct fit {
-    double chi2, views; /* by the stated variance */
-    double memory;      /* successive views that count as one, since they err alike */
-} fit;
-
-/* `expected` is adj_expected_share. */
-static fit fit_of(const adj_problem *p, const adj_system *s, uint32_t line, double expected) {
-    const adj_line *l = &p->line[line];
-    fit f = {0, 0, 1};
-    double r[2], before = 0, product = 0, square = 0;
-    for (uint32_t k = s->first[line]; k < s->first[line + 1]; k++) {
-        const adj_view *v = &p->view[s->order[k]];
-        if (v->apart || !adj_residual(p, v, &p->frame[v->frame].pose, l, r, NULL, NULL))
-            continue;
-        double d2 = adj_distance(v, l, r), weight = adj_weight(p, d2);
-        double offset = sqrt(weight) * (r[0] + r[1]);
-        product += offset * before;
-        square += offset * offset;
-        f.chi2 += weight * d2 * l->variance;
-        f.views++;
-        before = offset;
-    }
-    f.chi2 /= expected;
-    double chance = 2 / sqrt(f.views + 1);
-    double rho = square > 0 ? fmin(fmax(product / square - chance, 0), CORRELATED) : 0;
-    f.memory = (1 + rho) / (1 - rho);
-    return f;
-}
-
-static double dof_of(const fit *f, double share) {
-    return fmax(2 * f->views * share - 4, 0);
-}
-
 /* Sets the lines' variances, the whole scan's counting as a few residuals of each; `share` is that
  * of the residuals which the poses leave; `fits` has room for all lines. */
-static void weigh_lines(adj_problem *p, const adj_system *s, double share, int round, fit *fits) {
-    double sum = 0, n = 0, expected = adj_expected_share(p);
+static void weigh_lines(adj_problem *p, double share, int round, adj_fit *fits) {
+    adj_fits(p, fits);
+    double usual = adj_usual_variance(fits, p->n_lines, share);
     for (uint32_t i = 0; i < p->n_lines; i++) {
-        fits[i] = fit_of(p, s, i, expected);
-        double dof = dof_of(&fits[i], share);
-        if (dof < PRIOR_DOF)
-            continue;
-        sum += log(fits[i].chi2 / dof + 1e-3);
-        n++;
-    }
-    double usual = n > 0 ? exp(sum / n) : 1;
-    for (uint32_t i = 0; i < p->n_lines; i++) {
-        fit f = fits[i];
-        double v = (f.chi2 + PRIOR_DOF * usual) / (dof_of(&f, share) + PRIOR_DOF);
-        adj_line *l = &p->line[i];
-        l->variance = round < ALIKE ? fmax(usual, 1) : fmax(v, 1);
-        l->memory = round < APART ? 1 : f.memory;
+        double own = adj_fit_variance(&fits[i], share, usual);
+        p->line[i].variance = fmax(round < ALIKE ? usual : own, 1);
+        p->line[i].memory = round < APART ? 1 : adj_fit_memory(&fits[i]);
     }
 }
 
@@ -230,13 +178,12 @@ static double tail(double chi2, double dof) {
     return dof > 0 ? erfc(z / sqrt(2)) / 2 : 1;
 }
 
-static void judge(const adj_problem *p, const adj_system *s, double poses, adj_quality *q) {
-    double views = 0, centre[3], cov[49], expected = adj_expected_share(p);
+static void judge(const adj_problem *p, const adj_fit *fits, double poses, adj_quality *q) {
+    double views = 0, centre[3], cov[49];
     q->chi2 = 0;
     for (uint32_t i = 0; i < p->n_lines; i++) {
-        fit f = fit_of(p, s, i, expected);
-        q->chi2 += f.chi2;
-        views += f.views;
+        q->chi2 += fits[i].chi2;
+        views += fits[i].views;
     }
     q->dof = fmax(2 * views - 4.0 * p->n_lines - poses, 0);
     q->factor = q->dof > 0 ? sqrt(q->chi2 / q->dof) : 1;
@@ -253,14 +200,12 @@ static double told_of_poses(const component c[6]) {
 
 /* What hangs together tells less than its number: of the poses, and of each line's views, as far as
  * no profile explained them. */
-static void discount(adj_problem *p, const adj_system *s, double memory) {
-    double expected = adj_expected_share(p);
+static void discount(adj_problem *p, const adj_fit *fits, double memory) {
     for (int k = 0; k < 6; k++)
         p->sigma[k] *= sqrt(memory);
     for (uint32_t i = 0; i < p->n_lines; i++) {
         adj_line *l = &p->line[i];
-        double own = fit_of(p, s, i, expected).memory;
-        l->memory = fmax(fmax(l->memory, own), 1 + l->misfit / INDEPENDENT);
+        l->memory = fmax(fmax(l->memory, adj_fit_memory(&fits[i])), 1 + l->misfit / INDEPENDENT);
     }
 }
 
@@ -272,7 +217,7 @@ static double usual_line(const adj_problem *p, double *scratch) {
     return p->n_lines ? scratch[p->n_lines / 2] : 1;
 }
 
-static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch, fit *fits) {
+static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch, adj_fit *fits) {
     bool known[6], changed = true, again = q->rounds > 0;
     component c[6];
     double poses = 0, most = 1, distance = median_distance(p, scratch);
@@ -288,7 +233,7 @@ static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch
         if (i >= APART)
             adj_agree(p, &w->system, usual_line(p, scratch));
         if (i <= TIED)
-            weigh_lines(p, &w->system, share, i, fits);
+            weigh_lines(p, share, i, fits);
         rc = adj_minimise(p, w, i < APART ? STEPS : FEWER, COARSE);
         changed = rc >= 0 && find_outliers(p, distance, scratch, q);
         if (rc < 0 || i + 1 < APART)
@@ -308,16 +253,17 @@ static int estimate(adj_problem *p, adj_work *w, adj_quality *q, double *scratch
         return rc;
     memcpy(q->sigma, p->sigma, sizeof q->sigma);
     q->memory = memory_of(p);
-    discount(p, &w->system, q->memory);
+    adj_fits(p, fits);
+    discount(p, fits, q->memory);
     rc = adj_marginals(p, w);
-    judge(p, &w->system, poses, q);
+    judge(p, fits, poses, q);
     return rc;
 }
 
 int adj_estimate(adj_problem *p, adj_work *w, adj_quality *q) {
     size_t n = p->n_frames > p->n_lines ? p->n_frames : p->n_lines;
     double *scratch = malloc((n + 1) * sizeof *scratch);
-    fit *fits = malloc((n + 1) * sizeof *fits);
+    adj_fit *fits = malloc((n + 1) * sizeof *fits);
     int rc = scratch && fits ? estimate(p, w, q, scratch, fits) : ARRIS_E_MEMORY;
     free(scratch);
     free(fits);

@@ -88,13 +88,12 @@ void window_add(window *w, int32_t track, const arris_segment *s, const arris_ca
 }
 
 static void note_result(const window *w, known *k) {
-    const line_sums *o = &w->now[k->slot];
     k->adjusted = true;
     k->l = w->p.line[k->slot];
     window_line_covariance(w, (uint32_t)k->slot, k->cov);
     for (int i = 0; i < 16; i++)
         k->cov[i] *= window_late_memory(w);
-    k->rms = o->weights > 0 ? sqrt(o->squares / o->weights) : 0;
+    k->rms = adj_fit_rms(&w->now[k->slot]);
 }
 
 /* Whether an end went by more than half its sigma from where it was told to be. */

@@ -15,59 +15,35 @@ static const double ENOUGH = 20;  /* degrees of freedom that tell it */
 static const double FEW = 3;      /* of them, that say beforehand that there is none */
 static const double POOLED = 20;  /* weight of all axes' variance against an axis' own */
 static const double NOISE = 3;    /* sigmas from which a correlation is none by chance */
-static const double PRIOR_DOF = 10;   /* weight of all lines' variance against a line's own */
-static const double CORRELATED = 0.9; /* of a line's residuals from view to view, at most */
 static const double VALUES = 2;   /* independent ones, of what no profile explains, in any views */
 static const double CHANCE = 0.1; /* of misfit, that says nothing */
 static const double FAR = 4;      /* sigmas from which a pose counts less */
 
 /* ---- lines ----------------------------------------------------------------------------------- */
 
-static void sum_views(const window *w, uint32_t place, line_sums *sums) {
+static void sum_views(const window *w, uint32_t place, adj_fit *sums) {
     double r[2];
     for (uint32_t i = 0; i < w->n_views[place]; i++) {
         const adj_view *v = &w->p.view[WINDOW_VIEWS * place + i];
         if (v->line >= w->p.n_lines ||
             !adj_residual(&w->p, v, &w->p.frame[place].pose, &w->p.line[v->line], r, NULL, NULL))
             continue;
-        line_sums *o = &sums[v->line];
-        double d2 = adj_distance(v, &w->p.line[v->line], r), weight = adj_weight(&w->p, d2);
-        double offset = sqrt(weight) * (r[0] + r[1]);
-        o->product += offset * o->before;
-        o->square += offset * offset;
-        o->before = offset;
-        o->chi2 += weight * d2 * w->p.line[v->line].variance / w->expected;
-        o->views++;
-        o->misfit += (double)w->misfit[WINDOW_VIEWS * place + i];
-        o->squares += weight * (r[0] * r[0] + r[1] * r[1]) / 2;
-        o->weights += weight;
+        sums[v->line].misfit += (double)w->misfit[WINDOW_VIEWS * place + i];
+        adj_fit_add(&sums[v->line], &w->p, v, r, w->expected);
     }
-}
-
-static double dof_of(const line_sums *o, double share) {
-    return fmax(2 * o->views * share - 4, 0);
 }
 
 static void weigh_lines(window *w) {
-    double sum = 0, n = 0, views = 0;
+    double views = 0;
     for (uint32_t i = 0; i < w->p.n_lines; i++)
         views += w->now[i].views;
     double share = 1 - w->redundancy / fmax(2 * views, w->redundancy + 1);
+    double usual = adj_usual_variance(w->now, w->p.n_lines, share);
     for (uint32_t i = 0; i < w->p.n_lines; i++) {
-        double dof = dof_of(&w->now[i], share);
-        if (dof < PRIOR_DOF)
-            continue;
-        sum += log(w->now[i].chi2 / dof + 1e-3);
-        n++;
-    }
-    double usual = n > 0 ? exp(sum / n) : 1;
-    for (uint32_t i = 0; i < w->p.n_lines; i++) {
-        const line_sums *o = &w->now[i];
-        double v = (o->chi2 + PRIOR_DOF * usual) / (dof_of(o, share) + PRIOR_DOF);
-        double rho = o->square > 0 ? o->product / o->square - 2 / sqrt(o->views + 1) : 0;
-        rho = fmin(fmax(rho, 0), CORRELATED);
+        const adj_fit *f = &w->now[i];
+        double misfit = fmax(f->misfit - CHANCE * f->views, 0);
         w->p.line[i].variance =
-            fmax(v, 1) * (fmax(o->misfit - CHANCE * o->views, 0) / VALUES + (1 + rho) / (1 - rho));
+            fmax(adj_fit_variance(f, share, usual), 1) * (misfit / VALUES + adj_fit_memory(f));
     }
 }
 

@@ -8,18 +8,11 @@
 #define ADJUST_WINDOW_PARTS_H
 
 #include "dense.h"
+#include "fit.h"
 #include "window.h"
 
 enum { WINDOW_LINES = DENSE / 4, WINDOW_VIEWS = 256, WINDOW_ALIASES = 256 }; /* views of a frame */
 enum { WINDOW_LAGS = 64, WINDOW_ERRORS = WINDOW_LAGS + WINDOW_FRAMES };
-
-/* What a line's views sum up to. */
-typedef struct line_sums {
-    double chi2, views, misfit; /* by the stated variance; their number; their shares */
-    double product, square;     /* of offsets in successive views, px² */
-    double before;              /* the last offset, px */
-    double squares, weights;    /* of the distances at the ends, px² */
-} line_sums;
 
 /* What the poses' errors sum up to, by axis (mm², rad²), and by lag, in squared sigmas. */
 typedef struct pose_sums {
@@ -59,11 +52,11 @@ struct window {
     double step[DENSE]; /* the right-hand side, then the step, */
     dense V;            /* and row i is U'^-1 e_i: the covariance is V V' */
 
-    uint32_t time;               /* frames that there were */
-    int32_t id[WINDOW_LINES];    /* by line */
-    uint32_t seen[WINDOW_LINES]; /* likewise: `time` when it last was */
-    line_sums past[WINDOW_LINES], now[WINDOW_LINES];
-    known *known, *before; /* of this frame, of the one before */
+    uint32_t time;                                 /* frames that there were */
+    int32_t id[WINDOW_LINES];                      /* by line */
+    uint32_t seen[WINDOW_LINES];                   /* likewise: `time` when it last was */
+    adj_fit past[WINDOW_LINES], now[WINDOW_LINES]; /* by line */
+    known *known, *before;                         /* of this frame, of the one before */
     uint32_t n_known, max_known;
     struct alias {
         int32_t track, line;
