@@ -3,6 +3,7 @@
  * test_lcm.c: the messages, what becomes of those that come in, and what is sent of the lines.
  */
 #include <math.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -21,6 +22,7 @@
 #include "lcmtypes/arris_segments_t.h"
 #include "lcmtypes/arris_status_t.h"
 #include "lcmtypes/arris_verdict_t.h"
+#include "link.h"
 #include "process.h"
 #include "rigid.h"
 #include "scratch.h"
@@ -475,6 +477,58 @@ static void a_log_replays(void **state) {
     assert_same_file("lcm/a.json", "lcm/b.json");
 }
 
+enum { SENT = 20000 /* by each of two threads */ };
+
+static void *send_to_log(void *link) {
+    for (int32_t i = 0; i < SENT; i++)
+        if (link_publish(link, "COUNT", &i, sizeof i))
+            return NULL;
+    return link;
+}
+
+typedef struct counted {
+    int32_t n;
+    int64_t sum;
+} counted;
+
+static void on_count(void *user, const void *data, size_t n) {
+    counted *c = user;
+    int32_t i = -1;
+    if (n == sizeof i)
+        memcpy(&i, data, n);
+    c->n++;
+    c->sum += i;
+}
+
+/* Frames are sent by one thread and the status by another. */
+static void a_log_keeps_what_threads_send_at_once(void **state) {
+    (void)state;
+    char url[PATH_MAX + 20];
+    pthread_t other;
+    void *sent;
+    fault f;
+    scratch_mkdir("lcm");
+    snprintf(url, sizeof url, "file://%s?mode=w", scratch("lcm/count.lcmlog"));
+    lcm_link *l = link_open(url, &f);
+    assert_non_null(l);
+    assert_int_equal(pthread_create(&other, NULL, send_to_log, l), 0);
+    assert_non_null(send_to_log(l));
+    pthread_join(other, &sent);
+    assert_non_null(sent);
+    link_close(l);
+
+    counted c = {0};
+    *strchr(url, '?') = 0;
+    l = link_open(url, &f);
+    assert_non_null(l);
+    assert_int_equal(link_subscribe(l, "COUNT", 1, on_count, NULL, &c, &f), 0);
+    for (link_start(l); !link_ended(l);)
+        nanosleep(&(struct timespec){0, 5000000}, NULL);
+    link_close(l);
+    assert_int_equal(c.n, 2 * SENT);
+    assert_int_equal(c.sum, (int64_t)SENT * (SENT - 1));
+}
+
 /* The box's poses as those of a flange on which the camera sits by t, with axes as the flange's. */
 static void write_flange_poses(const double t[3]) {
     char name[2 * PATH_MAX];
@@ -589,6 +643,7 @@ int main(void) {
         cmocka_unit_test(no_change_is_lost),
         cmocka_unit_test(a_list_gives_poses),
         cmocka_unit_test(a_log_replays),
+        cmocka_unit_test(a_log_keeps_what_threads_send_at_once),
         cmocka_unit_test(a_camera_on_a_flange_measures_the_same),
         cmocka_unit_test(handeye_files_are_checked),
     };

@@ -34,6 +34,7 @@ struct lcm_link {
     pthread_t thread;
     pthread_mutex_t mutex; /* of `subscriptions`; held while a handler runs */
     subscription subscriptions[SUBSCRIPTIONS];
+    pthread_mutex_t sending; /* a log that is written mixes what two threads send at once */
     atomic_bool started, stop, ended, blocked, refused, unsent;
 };
 
@@ -150,6 +151,7 @@ static void destroy(lcm_link *l) {
     if (l->log)
         lcm_eventlog_destroy(l->log);
     pthread_mutex_destroy(&l->mutex);
+    pthread_mutex_destroy(&l->sending);
     free(l->url);
     free(l);
 }
@@ -162,6 +164,7 @@ static lcm_link *make(const char *url, fault *f) {
         return NULL;
     }
     pthread_mutex_init(&l->mutex, NULL);
+    pthread_mutex_init(&l->sending, NULL);
     int rc = connect_to(l, f);
     if (rc == 0 && pthread_create(&l->thread, NULL, l->log ? play : drain, l))
         rc = fault_set(f, ARRIS_E_MEMORY, NULL, "cannot start the thread of %s", url);
@@ -254,7 +257,9 @@ void link_unsubscribe(lcm_link *l, void *user) {
 }
 
 int link_publish(lcm_link *l, const char *channel, const void *data, size_t n) {
+    pthread_mutex_lock(&l->sending);
     bool sent = l->lcm && lcm_publish(l->lcm, channel, data, (unsigned)n) == 0;
+    pthread_mutex_unlock(&l->sending);
     atomic_store(&l->unsent, !sent);
     return sent ? 0 : ARRIS_E_IO;
 }
