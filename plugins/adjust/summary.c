@@ -7,6 +7,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "invert.h"
+
 /* ---- poses against true ones ----------------------------------------------------------------- */
 
 static void centre(const adj_pose *pose, uint32_t n, double c[3]) {
@@ -47,23 +49,17 @@ static void normal(const adj_pose *a, const adj_pose *t, const double c[3], doub
     }
 }
 
-/* Solves M d = its last column; a direction that nothing tells (a turn about a straight path) stays
- * as it is. */
+/* Solves M d = its last column. All is held by a little, so that what nothing tells (a turn about a
+ * straight path) stays as it is. */
 static void solve(double M[7][8], double d[7]) {
-    bool told[7];
-    double first[7];
     for (int i = 0; i < 7; i++)
-        first[i] = M[i][i];
+        M[i][i] = M[i][i] > 0 ? M[i][i] * (1 + 1e-9) : 1;
+    bool solved = invert(M[0], 7, 8);
     for (int i = 0; i < 7; i++) {
-        told[i] = M[i][i] > 1e-9 * first[i] && M[i][i] > 0;
-        for (int k = 0; told[i] && k < 7; k++) {
-            double l = M[k][i] / M[i][i];
-            for (int n = 0; k != i && n < 8; n++)
-                M[k][n] -= l * M[i][n];
-        }
+        d[i] = 0;
+        for (int k = 0; solved && k < 7; k++)
+            d[i] += M[i][k] * M[k][7];
     }
-    for (int i = 0; i < 7; i++)
-        d[i] = told[i] ? M[i][7] / M[i][i] : 0;
 }
 
 pose_errors summary_compare(const adj_pose *a, const adj_pose *truth, uint32_t n) {
