@@ -2,6 +2,7 @@
  *
  * verdict.c: verdict.json, arris-verdict/1 of FORMATS.md; what isn't finite is null.
  */
+#include <jansson.h>
 #include <math.h>
 
 #include "writers.h"
@@ -10,18 +11,12 @@ const char *judgement_name(enum arris_judgement j) {
     return j == ARRIS_PASS ? "PASS" : j == ARRIS_FAIL ? "FAIL" : "INDETERMINATE";
 }
 
+/* What is no UTF-8 is null. */
 static void json_text(FILE *out, const char *text) {
-    fputc('"', out);
-    for (; *text; text++) {
-        unsigned char c = (unsigned char)*text;
-        if (c == '"' || c == '\\')
-            fprintf(out, "\\%c", c);
-        else if (c < ' ')
-            fprintf(out, "\\u%04x", c);
-        else
-            fputc(c, out);
-    }
-    fputc('"', out);
+    json_t *string = json_string(text);
+    if (!string || json_dumpf(string, out, JSON_ENCODE_ANY))
+        fputs("null", out);
+    json_decref(string);
 }
 
 static void number(FILE *out, const char *key, double value) {
