@@ -11,19 +11,7 @@
 #include <string.h>
 
 #include "../plugins/calibrate/fit.h"
-
-static uint64_t seed = 1;
-
-/* Uniform in 0..1 (xorshift64*), and normal with sigma 1 (Box and Muller). */
-static inline double uniform(void) {
-    seed ^= seed >> 12, seed ^= seed << 25, seed ^= seed >> 27;
-    return (double)((seed * 2685821657736338717u) >> 11) / 9007199254740992.0;
-}
-
-static inline double normal(void) {
-    double r = sqrt(-2 * log(1 - uniform()));
-    return r * cos(2 * M_PI * uniform());
-}
+#include "chance.h"
 
 static const arris_camera lens = {640,   480,   660,  658,    0.3,   310,
                                   236.5, -0.25, 0.12, 0.0006, -4e-4, 0.02};

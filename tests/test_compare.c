@@ -15,6 +15,7 @@
 #include <cmocka.h>
 
 #include "arris_geometry.h"
+#include "chance.h"
 #include "compare/align.h"
 #include "compare/derive.h"
 #include "compare/judge.h"
@@ -248,17 +249,6 @@ static void bad_models_are_refused(void **state) {
 }
 
 /* ---- noise and lines ------------------------------------------------------------------------- */
-
-static uint64_t seed = 1;
-
-static double uniform(void) {
-    seed = seed * 6364136223846793005u + 1442695040888963407u;
-    return ((double)(seed >> 11) + 0.5) * 0x1p-53;
-}
-
-static double normal(void) {
-    return sqrt(-2 * log(uniform())) * cos(2 * M_PI * uniform());
-}
 
 /* Deep is uncertain, as it is under a moving camera: sigma of x and y, of z, and along the line. */
 static const double SIGMA[3] = {0.05, 0.05, 0.2}, END = 2;

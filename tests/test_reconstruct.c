@@ -15,6 +15,7 @@
 
 #include "../plugins/reconstruct/line.h"
 #include "../plugins/reconstruct/scan.h"
+#include "chance.h"
 
 /* ---- a simulated camera --------------------------------------------------------------------- */
 
@@ -25,19 +26,6 @@ static const scene known = {.scale = 1, .memory = 1, .depth = 1000};
 typedef struct edge {
     double p[3], q[3];
 } edge;
-
-static uint64_t seed;
-
-/* Uniform in 0..1 (xorshift64*), and normal with sigma 1 (Box and Muller). */
-static double uniform(void) {
-    seed ^= seed >> 12, seed ^= seed << 25, seed ^= seed >> 27;
-    return (double)((seed * 2685821657736338717u) >> 11) / 9007199254740992.0;
-}
-
-static double normal(void) {
-    double r = sqrt(-2 * log(1 - uniform()));
-    return r * cos(2 * M_PI * uniform());
-}
 
 static arris_pose pose_at(double x, double y, double z, double omega, double theta, double kappa) {
     arris_pose p = {.valid = true, .C = {x, y, z}};

@@ -16,6 +16,7 @@
 #include "../plugins/track/index.h"
 #include "../plugins/track/sweep.h"
 #include "../plugins/track/tracker.h"
+#include "chance.h"
 
 enum { MOST = 20000 };
 
@@ -23,17 +24,6 @@ static arris_segment item[MOST];
 static arris_track found[MOST];
 static arris_segments segments;
 static arris_tracks tracks;
-static uint64_t seed;
-
-static double uniform(void) {
-    seed ^= seed >> 12, seed ^= seed << 25, seed ^= seed >> 27;
-    return (double)((seed * 2685821657736338717u) >> 11) / 9007199254740992.0;
-}
-
-static double normal(void) {
-    double r = sqrt(-2 * log(1 - uniform()));
-    return r * cos(2 * M_PI * uniform());
-}
 
 static tracker *begin(int32_t max_tracks) {
     tracker *t = tracker_new(&(tracker_params){

@@ -19,21 +19,8 @@
 #include <cmocka.h>
 
 #include "arris.h"
+#include "chance.h"
 #include "scratch.h"
-
-/* ---- chance --------------------------------------------------------------------------------- */
-
-static uint64_t seed;
-
-static inline double uniform(void) {
-    seed ^= seed >> 12, seed ^= seed << 25, seed ^= seed >> 27;
-    return (double)((seed * 2685821657736338717u) >> 11) / 9007199254740992.0;
-}
-
-static inline double normal(void) {
-    double r = sqrt(-2 * log(1 - uniform()));
-    return r * cos(2 * M_PI * uniform());
-}
 
 /* ---- the world ------------------------------------------------------------------------------ */
 
