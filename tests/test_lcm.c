@@ -500,33 +500,62 @@ static void on_count(void *user, const void *data, size_t n) {
     c->sum += i;
 }
 
+static lcm_link *open_log(const char *mode) {
+    char url[PATH_MAX + 20];
+    fault f;
+    snprintf(url, sizeof url, "file://%s%s", scratch("lcm/count.lcmlog"), mode);
+    lcm_link *l = link_open(url, &f);
+    assert_non_null(l);
+    return l;
+}
+
+/* What a log holds; `damaged`: whether it says that it is. */
+static counted count_log(bool damaged) {
+    counted c = {0};
+    fault f;
+    lcm_link *l = open_log("");
+    assert_int_equal(link_subscribe(l, "COUNT", 1, on_count, NULL, &c, &f), 0);
+    for (link_start(l); !link_ended(l);)
+        nanosleep(&(struct timespec){0, 5000000}, NULL);
+    assert_int_equal(link_trouble(l) != NULL, damaged);
+    link_close(l);
+    return c;
+}
+
 /* Frames are sent by one thread and the status by another. */
 static void a_log_keeps_what_threads_send_at_once(void **state) {
     (void)state;
-    char url[PATH_MAX + 20];
     pthread_t other;
     void *sent;
-    fault f;
     scratch_mkdir("lcm");
-    snprintf(url, sizeof url, "file://%s?mode=w", scratch("lcm/count.lcmlog"));
-    lcm_link *l = link_open(url, &f);
-    assert_non_null(l);
+    lcm_link *l = open_log("?mode=w");
     assert_int_equal(pthread_create(&other, NULL, send_to_log, l), 0);
     assert_non_null(send_to_log(l));
     pthread_join(other, &sent);
     assert_non_null(sent);
     link_close(l);
-
-    counted c = {0};
-    *strchr(url, '?') = 0;
-    l = link_open(url, &f);
-    assert_non_null(l);
-    assert_int_equal(link_subscribe(l, "COUNT", 1, on_count, NULL, &c, &f), 0);
-    for (link_start(l); !link_ended(l);)
-        nanosleep(&(struct timespec){0, 5000000}, NULL);
-    link_close(l);
+    counted c = count_log(false);
     assert_int_equal(c.n, 2 * SENT);
     assert_int_equal(c.sum, (int64_t)SENT * (SENT - 1));
+}
+
+/* Each place costs the event that it lies in, and the one before it when it is a header. */
+static void a_damaged_log_is_read_on(void **state) {
+    (void)state;
+    enum { EVENT = 28 + sizeof "COUNT" - 1 + sizeof(int32_t) }; /* bytes */
+    static const long places[] = {100 * EVENT, 200 * EVENT + 20, 300 * EVENT + 24};
+    scratch_mkdir("lcm");
+    lcm_link *l = open_log("?mode=w");
+    assert_non_null(send_to_log(l));
+    link_close(l);
+    FILE *log = fopen(scratch("lcm/count.lcmlog"), "r+");
+    assert_non_null(log);
+    for (size_t i = 0; i < sizeof places / sizeof *places; i++)
+        assert_true(fseek(log, places[i], SEEK_SET) == 0 && fputs("\xff\xff", log) >= 0);
+    fclose(log);
+    counted c = count_log(true);
+    print_message("%d of %d\n", c.n, SENT);
+    assert_true(c.n < SENT && c.n >= SENT - 6);
 }
 
 /* The box's poses as those of a flange on which the camera sits by t, with axes as the flange's. */
@@ -644,6 +673,7 @@ int main(void) {
         cmocka_unit_test(a_list_gives_poses),
         cmocka_unit_test(a_log_replays),
         cmocka_unit_test(a_log_keeps_what_threads_send_at_once),
+        cmocka_unit_test(a_damaged_log_is_read_on),
         cmocka_unit_test(a_camera_on_a_flange_measures_the_same),
         cmocka_unit_test(handeye_files_are_checked),
     };

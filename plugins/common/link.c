@@ -35,7 +35,7 @@ struct lcm_link {
     pthread_mutex_t mutex; /* of `subscriptions`; held while a handler runs */
     subscription subscriptions[SUBSCRIPTIONS];
     pthread_mutex_t sending; /* a log that is written mixes what two threads send at once */
-    atomic_bool started, stop, ended, blocked, refused, unsent;
+    atomic_bool started, stop, ended, blocked, refused, unsent, damaged;
 };
 
 static pthread_mutex_t all_mutex = PTHREAD_MUTEX_INITIALIZER;
@@ -122,9 +122,13 @@ static void *play(void *arg) {
             lcm_eventlog_free_event(e);
             continue;
         }
-        atomic_store(&l->ended, started);
+        bool more = started && !feof(l->log->f) && !ferror(l->log->f);
+        if (more) /* the next call looks for the event behind the damaged one */
+            atomic_store(&l->damaged, true);
+        atomic_store(&l->ended, started && !more);
         tick(l, false);
-        nanosleep(&(struct timespec){0, started ? TICK * 1000000 : 5000000}, NULL);
+        if (!more)
+            nanosleep(&(struct timespec){0, started ? TICK * 1000000 : 5000000}, NULL);
     }
     return NULL;
 }
@@ -267,6 +271,7 @@ int link_publish(lcm_link *l, const char *channel, const void *data, size_t n) {
 const char *link_trouble(const lcm_link *l) {
     return atomic_load(&l->unsent)    ? "the LCM network does not take messages"
            : atomic_load(&l->refused) ? "the LCM network refuses subscriptions"
+           : atomic_load(&l->damaged) ? "the log is damaged: some of it is left out"
                                       : NULL;
 }
 

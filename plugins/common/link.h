@@ -49,7 +49,7 @@ void link_unsubscribe(lcm_link *l, void *user);
 /* Sends a message. Returns 0, or ARRIS_E_IO when the network does not take it. Any thread. */
 int link_publish(lcm_link *l, const char *channel, const void *data, size_t n);
 
-/* What ails the network, a string literal; NULL: nothing. Any thread. */
+/* What ails the network or the log, a string literal; NULL: nothing. Any thread. */
 const char *link_trouble(const lcm_link *l);
 
 /* 0 when `channel` is a name for one, else ARRIS_E_USAGE. */
