@@ -16,7 +16,8 @@ B       ?= build
 PREFIX  ?= /usr/local
 LIBDIR  ?= $(PREFIX)/lib
 OPT     ?= -O2 -g
-ifeq ($(filter -j%,$(MAKEFLAGS)),)
+# The first one only: the makes below take part in its jobs.
+ifeq ($(MAKELEVEL)$(filter -j%,$(MAKEFLAGS)),0)
 MAKEFLAGS += -j$(shell nproc)
 endif
 VERSION := 0.1.0
