@@ -22,7 +22,7 @@ static const double STILL = 0.0015; /* of the diagonal, between two pictures; 1.
 static const double NEW = 0.04;     /* of the diagonal, from every view so far */
 
 static const char hint_from[] =
-    "the pipeline gives pictures and has no sink: --from 'imagesrc location=pictures fps=5'";
+    "the pipeline gives pictures and has no sink, for example --from v4l2src";
 
 static struct live {
     command *m; /* NULL: --from is not what runs */
