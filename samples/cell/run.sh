@@ -27,7 +27,7 @@ chain=(edges ! undistort ! segments ! track ! reconstruct)
 camera=samples/cell/camera.json
 patience=$((seconds + 60))
 
-"$B/arris-robot" --driver sim --home=-270,-40,0 --space=-300,300,-100,100,-50,50 & robot=$!
+"$B/arris-robot" --driver sim --rate "${CELL_RATE:-200}" --home=-270,-40,0 --space=-300,300,-100,100,-50,50 & robot=$!
 "$B/arris-robot" --speed 100 home
 lcm-logger --quiet --channel='ARRIS_IMAGE|ROBOT_STATE' "$out/run.lcmlog" & logger=$!
 timeout $patience "$B/cell-watch" > "$out/watch.txt" & watch=$!
@@ -71,12 +71,14 @@ if [ -n "$python" ] && ! cmp -s <(grep -v ^frame "$out/subscriber.txt") <(grep -
 fi
 grep '^frame' "$out/subscriber.txt" | sed -n '1~5p'
 cat "$out/watch.txt"
-"$B/arris" launch lcmsrc url="file://$out/run.lcmlog" camera=$camera ! pose url="file://$out/run.lcmlog" \
-    ! "${chain[@]}" ! filesink location="$out/offline.json"
+"$B/arris" launch --stats lcmsrc url="file://$out/run.lcmlog" camera=$camera ! pose url="file://$out/run.lcmlog" \
+    ! "${chain[@]}" ! filesink location="$out/offline.json" > "$out/offline.txt"
 if cmp -s "$out/lines.json" "$out/offline.json"; then
     echo "offline   the same lines, to the last digit, from what was recorded"
 else
     echo "offline   other lines than live: $out/lines.json, $out/offline.json"
+    ! grep -Eq '^(lcmsrc .*missing|pose .*without pose)' "$out/offline.txt" ||
+        echo "          messages are missing in what was recorded, of which lcm-logger queues 30: $out/offline.txt"
     result=1
 fi
 rm -f "$out/run.lcmlog"
