@@ -31,6 +31,7 @@ test_guide_uses := edges segments
 test_window_uses := adjust files
 test_segments_uses := edges
 test_beside_uses := segments reconstruct
+test_memory_uses := reconstruct
 test_adjust_board_uses := adjust calibrate image files
 test_adjust_noise_uses := adjust files
 bench_adjust_uses := adjust files

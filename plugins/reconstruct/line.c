@@ -19,6 +19,7 @@ static const double PRIOR_DOF = 10;      /* weight of the scene's scale against 
 static const double SURROUNDINGS = 0.12; /* rad that the view turns until they look otherwise */
 static const double INDEPENDENT = 2.3;   /* values of what is systematic, at most */
 static const double EVIDENT = 1.5; /* times the usual, of a drift that is no chance: 1 in 15 is */
+static const double LITTLE = 1e-3; /* of the variance: more than rounding */
 enum { ITERATIONS = 10 };
 
 void line_begin(line *l, int32_t id) {
@@ -64,26 +65,32 @@ double line_rest_weight(const line *l, const scene *s) {
     return s->rest * s->noise.position * s->noise.position / across;
 }
 
-/* What the views share; nothing, once their poses are corrected. */
-static double shared(const line *l, const scene *s) {
+/* Finds what the views share; nothing, once their poses are corrected. */
+static void find_shared(line *l, const scene *s) {
+    double scale = residual_scale(l, s);
+    l->shared = l->known = 0;
+    l->common = (mat4){{{0}}};
     if (s->rest > 0)
-        return 0;
-    if (!s->memories.known)
-        return residual_scale(l, s) * (s->memory - 1);
+        return;
+    if (!s->memories.known) {
+        l->shared = scale * (s->memory - 1);
+        return;
+    }
     mat4 C = covariance(l, 1, l->prior);
-    return memory_shared(&s->memories, l, s, &C);
+    l->common = memory_covariance(&s->memories, l, s, scale, &C, &l->shared);
+    l->known = scale + l->shared;
 }
 
-/* The variance of the estimate over the stated one: by the size of the residuals and how they hang
- * together, and since what the profile leaves unexplained is systematic: it stays the same until
- * the edge's surroundings look otherwise, so it is but few independent values in any number of
- * views. */
+/* The variance of the estimate over the stated one, but for what is known: by the size of the
+ * residuals and how they hang together, and since what the profile leaves unexplained is
+ * systematic: it stays the same until the edge's surroundings look otherwise, so it is but few
+ * independent values in any number of views. */
 static double excess(const line *l, const scene *s) {
     double turn = (l->swing[1] - l->swing[0]) / SURROUNDINGS;
     double values = fmin(fmax(turn, 1), INDEPENDENT);
     double blend = l->blend * l->all.n / values;
     double usual = residual_scale(l, s) * (1 + fmax(l->all.misfit, 0) / values) + l->shared + blend;
-    return l->drift > EVIDENT * usual ? l->drift : usual;
+    return fmax((l->drift > EVIDENT * usual ? l->drift : usual) - l->known, LITTLE);
 }
 
 mat4 line_covariance(const line *l, const scene *s, double prior, const double place[2]) {
@@ -175,7 +182,7 @@ static void survey(line *l, const scene *s) {
     line_trim(l);
     l->drift = 0;
     if (l->settled) {
-        l->shared = shared(l, s);
+        find_shared(l, s);
         line_groups(l, s, group);
         l->drift = line_disagreement(group, l->n_kept, l->scale + l->shared, &C);
     }

@@ -17,8 +17,8 @@
 
 enum { LINE_KEPT = 64 };
 
-/* How the poses' noise hangs together (memory.h): by its correlation from frame to frame. */
-enum { MEMORIES = 12 };
+/* How the poses' noise hangs together (memory.h): by how long, and whether roughly or smoothly. */
+enum { MEMORIES = 24 };
 typedef struct memories {
     bool known;
     double mean;                                 /* views that count as one, of the usual line */
@@ -49,6 +49,7 @@ typedef struct line {
     double scale;    /* variance of the residuals over the stated one; at least 1 */
     double drift;    /* variance of what parts of the views say over the stated one; 0: unknown */
     double shared;   /* variance of the estimate by what views share, over the stated one */
+    double known;    /* variance over the stated one, of which `common` has the covariance */
     bool parted;     /* from a neighbour that it is not resolved from */
     double blend;    /* variance of a view by what is not resolved, over the stated one */
     double ends[2];  /* as places */
@@ -57,7 +58,7 @@ typedef struct line {
     info all;     /* of all views that take part */
     double at[4]; /* the estimate that the kept views were linearised about */
     mat4 cov;     /* of x, by the stated variances */
-    mat4 common;  /* of x, by what is common to the lines; at the end of the scan */
+    mat4 common;  /* of x, by the poses; at the end of the scan */
 
     uint32_t seen, rejected;        /* views offered; views that failed the gate since it settled */
     uint32_t next_fit, next_survey; /* when `seen` is this */

@@ -9,11 +9,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const double RHO[MEMORIES] = {0, 0.3, 0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97};
 static const double PRIOR_DOF = 10; /* weight of the scene's variance against the line's own */
 static const double UNLIKELY = 1e-3;
-static const double UNKNOWN = 1e6; /* times the variance of e */
-enum { LEAST = 8 };                /* views that tell */
+static const double UNKNOWN = 1e3; /* mm; sigma of what nothing is known of */
+enum { DURATIONS = MEMORIES / 2, LEAST = 8, STATES = 6 }; /* LEAST: views that tell */
+
+/* Of the rough memories the correlation from frame to frame; the smooth one of each lasts as long:
+ * its correlations have the same integral. */
+static const double RHO[DURATIONS] = {0.01, 0.3,  0.5, 0.6,  0.7,  0.75,
+                                      0.8,  0.85, 0.9, 0.93, 0.95, 0.97};
 
 /* What a view says of the pose's error, e: y = e + c x + its own noise, all in mm. */
 typedef struct datum {
@@ -22,16 +26,73 @@ typedef struct datum {
     double B[4];           /* by how much e adds to the slope of chi-square */
 } datum;
 
+/* Of all kept views that take part, in the order of the frames. */
+typedef struct record {
+    uint32_t n;
+    datum d[LINE_KEPT];
+    mat4 H; /* the information of all views */
+    mat4 P; /* the covariance of the line by the segments' angles alone, which e leaves alone */
+} record;
+
+/* The matrix u I + v N, N = {{1, 1}, {-1, -1}}. N N = 0, so they multiply as numbers do. The
+ * correlation of e over some frames, where it is what is kept of e's state, is u + v. */
+typedef struct kept {
+    double u, v;
+} kept;
+
+static kept times(kept a, kept b) {
+    return (kept){a.u * b.u, a.u * b.v + a.v * b.u};
+}
+
+/* (1 - a) / (1 - b) */
+static kept ratio(kept a, kept b) {
+    double u = (1 - a.u) / (1 - b.u);
+    return (kept){u, (u * b.v - a.v) / (1 - b.u)};
+}
+
+/* What is kept after so many frames of the state of e, of which e is the first number and, when it
+ * is smooth, its change over c the second: exp(-c t) (I + c t N), c = -2 log rho. */
+static kept keeps(int memory, double frames) {
+    double rho = RHO[memory / 2], left = pow(rho, frames);
+    if (memory % 2 == 0)
+        return (kept){left, 0};
+    return (kept){left * left, -2 * frames * log(rho) * left * left};
+}
+
 static int by_frame(const void *a, const void *b) {
     uint32_t x = ((const datum *)a)->frame, y = ((const datum *)b)->frame;
     return (x > y) - (x < y);
 }
 
-/* In the order of the frames, which the views of a merged line are not in. */
-static uint32_t list(const line *l, const scene *s, datum d[LINE_KEPT]) {
-    uint32_t n = 0;
+/* A += w B */
+static void add(mat4 *A, double w, const mat4 *B) {
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            A->m[i][j] += w * B->m[i][j];
+}
+
+/* A += w (a b' + b a') / 2 */
+static void add_outer(mat4 *A, double w, const double a[4], const double b[4]) {
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            A->m[i][j] += w * (a[i] * b[j] + b[i] * a[j]) / 2;
+}
+
+/* Adds what a view tells of the line by its angle: how much more it is off at the second end. */
+static void add_angle(mat4 *H, const linear *r) {
+    double c[4];
+    for (int k = 0; k < 4; k++)
+        c[k] = r->J[1][k] - r->J[0][k];
+    add_outer(H, 1 / (r->cov[0] - 2 * r->cov[1] + r->cov[2]), c, c);
+}
+
+/* Fills *to. False when too few views tell. */
+static bool list(const line *l, const scene *s, record *to) {
     pose_noise none = {0, 0, false};
     linear r, own;
+    mat4 angles = {{{0}}};
+    to->n = 0;
+    to->H = angles;
     for (uint32_t i = 0; i < l->n_kept; i++) {
         const view *v = &l->kept[i];
         if (!l->inlier[i] || !view_linearise(v, &l->f, l->x, &s->noise, &r) ||
@@ -40,49 +101,74 @@ static uint32_t list(const line *l, const scene *s, datum d[LINE_KEPT]) {
         double px = sqrt(arris_dot(v->plane, v->plane)) / r.depth; /* by a mm */
         double det = r.cov[0] * r.cov[2] - r.cov[1] * r.cov[1];
         double w[2] = {(r.cov[2] - r.cov[1]) / det, (r.cov[0] - r.cov[1]) / det};
-        datum *to = &d[n++];
-        to->frame = v->frame;
-        to->views = 1 + (l->stride > 1 ? l->rest[i].n : 0);
         double left = s->noise.corrected ? v->left : 1;
-        to->y = (own.r[0] + own.r[1]) / 2 / px;
-        to->own = (own.cov[0] + 2 * own.cov[1] + own.cov[2]) / (4 * px * px);
+        datum *d = &to->d[to->n++];
+        d->frame = v->frame;
+        d->views = 1 + (l->stride > 1 ? l->rest[i].n : 0);
+        d->y = (own.r[0] + own.r[1]) / 2 / px;
+        d->own = (own.cov[0] + 2 * own.cov[1] + own.cov[2]) / (4 * px * px);
         for (int k = 0; k < 4; k++) {
-            to->c[k] = (r.J[0][k] + r.J[1][k]) / 2 / px;
-            to->B[k] = (w[0] * r.J[0][k] + w[1] * r.J[1][k]) * px * left;
+            d->c[k] = (r.J[0][k] + r.J[1][k]) / 2 / px;
+            d->B[k] = (w[0] * r.J[0][k] + w[1] * r.J[1][k]) * px * left;
         }
+        info one = {0};
+        info_add(&one, &r, l->x);
+        add(&to->H, d->views, &one.H);
+        add_angle(&angles, &own);
     }
-    qsort(d, n, sizeof *d, by_frame);
-    return n;
+    qsort(to->d, to->n, sizeof *to->d, by_frame);
+    for (int k = 0; k < 4; k++)
+        angles.m[k][k] += 1 / (UNKNOWN * UNKNOWN);
+    return mat4_invert(&angles, &to->P) && to->n >= LEAST;
+}
+
+/* Lets frames pass: z <- F z, P <- F (P - I) F' + I in e's state, whose variance at rest is I. */
+static void pass(double z[STATES], double P[STATES][STATES], kept k) {
+    double F[2][2] = {{k.u + k.v, k.v}, {-k.v, k.u - k.v}}, a[2] = {z[0], z[1]};
+    for (int i = 0; i < 2; i++) {
+        z[i] = F[i][0] * a[0] + F[i][1] * a[1];
+        P[i][i] -= 1;
+    }
+    for (int j = 0; j < STATES; j++) {
+        double b[2] = {P[0][j], P[1][j]};
+        for (int i = 0; i < 2; i++)
+            P[i][j] = F[i][0] * b[0] + F[i][1] * b[1];
+    }
+    for (int j = 0; j < STATES; j++) {
+        double b[2] = {P[j][0], P[j][1]};
+        for (int i = 0; i < 2; i++)
+            P[j][i] = F[i][0] * b[0] + F[i][1] * b[1];
+    }
+    for (int i = 0; i < 2; i++)
+        P[i][i] += 1;
 }
 
 /* The variance of e, which is about `variance`, by its likelihood, of which *log_likelihood is the
- * logarithm: a Kalman filter over e and the line's four parameters, of which nothing is known at
- * first. */
-static double filter(const datum *d, uint32_t n, double rho, double variance,
-                     double *log_likelihood) {
-    double z[5] = {0}, P[5][5] = {{1}}, sum = 0, logs = 0;
-    for (int k = 1; k < 5; k++)
-        P[k][k] = UNKNOWN;
+ * logarithm: a Kalman filter over e's state and the line's four parameters. */
+static double filter(const record *of, int memory, double variance, double *log_likelihood) {
+    const datum *d = of->d;
+    double z[STATES] = {0}, P[STATES][STATES] = {{1}, {0, 1}}, sum = 0, logs = 0;
+    uint32_t n = of->n;
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            P[2 + i][2 + j] = of->P.m[i][j] / variance;
     for (uint32_t i = 0; i < n; i++) {
-        double keeps = i > 0 ? pow(rho, d[i].frame - d[i - 1].frame) : 1;
-        double h[5] = {1, d[i].c[0], d[i].c[1], d[i].c[2], d[i].c[3]}, Ph[5];
+        double h[STATES] = {1, 0, d[i].c[0], d[i].c[1], d[i].c[2], d[i].c[3]}, Ph[STATES];
         double F = d[i].own / variance, v = d[i].y;
-        z[0] *= keeps;
-        for (int k = 0; k < 5; k++)
-            P[0][k] = P[k][0] = P[k][0] * keeps * (k == 0 ? keeps : 1);
-        P[0][0] += 1 - keeps * keeps;
-        for (int k = 0; k < 5; k++) {
+        if (i > 0)
+            pass(z, P, keeps(memory, d[i].frame - d[i - 1].frame));
+        for (int k = 0; k < STATES; k++) {
             Ph[k] = 0;
-            for (int j = 0; j < 5; j++)
+            for (int j = 0; j < STATES; j++)
                 Ph[k] += P[k][j] * h[j];
             F += h[k] * Ph[k];
             v -= h[k] * z[k];
         }
         sum += v * v / F;
         logs += log(F);
-        for (int k = 0; k < 5; k++) {
+        for (int k = 0; k < STATES; k++) {
             z[k] += Ph[k] * v / F;
-            for (int j = 0; j < 5; j++)
+            for (int j = 0; j < STATES; j++)
                 P[k][j] -= Ph[k] * Ph[j] / F;
         }
     }
@@ -91,25 +177,43 @@ static double filter(const datum *d, uint32_t n, double rho, double variance,
     return found;
 }
 
-/* What e that is of variance 1, mm², adds by what views share of it to C, the covariance of the
- * line by what each has; over that, the mean over the two ways that e moves a line in. */
-static double shared(const datum *d, uint32_t n, double rho, const mat4 *C) {
-    double F[4] = {0}, CB[4], sum = 0;
-    for (uint32_t i = 0; i < n; i++) {
-        double m = d[i].views, q = (1 - pow(rho, m)) / (1 - rho); /* of each of which e is rho^k */
-        mat4_times(C, d[i].B, CB);
-        double BF = 0, BB = 0;
-        for (int k = 0; k < 4; k++)
-            BF += CB[k] * F[k], BB += CB[k] * d[i].B[k];
-        sum += 2 * q * BF + 2 * rho / (1 - rho) * (m - q) * BB;
-        if (i + 1 == n)
+/* Adds to S the covariance that e of this variance, mm², gives to the slope of chi-square, but for
+ * what each view has by itself. Of the m views from a kept one on e is kept^k, k < m. */
+static void add_shared(mat4 *S, const record *of, int memory, double variance) {
+    const datum *d = of->d;
+    kept F[4] = {{0, 0}}, by_one = keeps(memory, 1);
+    for (uint32_t i = 0; i < of->n; i++) {
+        double m = d[i].views, slope[4];
+        kept q = ratio(keeps(memory, m), by_one); /* the sum of these */
+        kept within = times(by_one, ratio((kept){1 - m + q.u, q.v}, by_one));
+        for (int k = 0; k < 4; k++) {
+            kept before = times(F[k], q);
+            slope[k] = before.u + before.v + (within.u + within.v) * d[i].B[k];
+        }
+        add_outer(S, 2 * variance, slope, d[i].B);
+        if (i + 1 == of->n)
             break;
-        double gap = d[i + 1].frame - d[i].frame, keeps = pow(rho, gap);
-        double more = rho > 0 ? pow(rho, fmax(gap - m + 1, 0)) * q : 0;
-        for (int k = 0; k < 4; k++)
-            F[k] = keeps * F[k] + more * d[i].B[k];
+        double gap = d[i + 1].frame - d[i].frame;
+        kept all = keeps(memory, gap), more = times(keeps(memory, fmax(gap - m + 1, 0)), q);
+        for (int k = 0; k < 4; k++) {
+            F[k] = times(F[k], all);
+            F[k].u += more.u * d[i].B[k], F[k].v += more.v * d[i].B[k];
+        }
     }
-    return sum / 2;
+}
+
+/* C S C */
+static mat4 around(const mat4 *C, const mat4 *S) {
+    mat4 rows, out;
+    for (int i = 0; i < 4; i++)
+        mat4_times(C, S->m[i], rows.m[i]); /* S C */
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++) {
+            out.m[i][j] = 0;
+            for (int k = 0; k < 4; k++)
+                out.m[i][j] += C->m[i][k] * rows.m[k][j];
+        }
+    return out;
 }
 
 void memory_begin(memories *m) {
@@ -117,17 +221,16 @@ void memory_begin(memories *m) {
 }
 
 void memory_add(memories *m, const line *l, const scene *s) {
-    datum d[LINE_KEPT];
-    uint32_t n = list(l, s, d);
+    record of;
     double stated = s->noise.position * s->noise.position, likelihood;
-    if (n < LEAST || stated <= 0)
+    if (stated <= 0 || !list(l, s, &of))
         return;
     for (int k = 0; k < MEMORIES; k++) {
-        m->variance[k] += n * filter(d, n, RHO[k], stated, &likelihood);
+        m->variance[k] += of.n * filter(&of, k, stated, &likelihood);
         m->likelihood[k] += likelihood;
     }
-    m->views += n;
-    m->most = fmax(m->most, n);
+    m->views += of.n;
+    m->most = fmax(m->most, of.n);
 }
 
 void memory_end(memories *m) {
@@ -141,8 +244,8 @@ void memory_end(memories *m) {
         best = fmax(best, m->likelihood[k]);
     }
     for (int k = 0; k < MEMORIES; k++) {
-        /* beforehand, one is as likely as another */
-        double from = RHO[k > 0 ? k - 1 : 0], to = RHO[k + 1 < MEMORIES ? k + 1 : k];
+        int i = k / 2; /* beforehand, one correlation is as likely as another */
+        double from = RHO[i > 0 ? i - 1 : 0], to = RHO[i + 1 < DURATIONS ? i + 1 : i];
         m->weight[k] = (to - from) * exp(m->likelihood[k] - best);
         sum += m->weight[k];
     }
@@ -150,18 +253,26 @@ void memory_end(memories *m) {
         m->weight[k] /= sum;
 }
 
-double memory_shared(const memories *m, const line *l, const scene *s, const mat4 *C) {
-    datum d[LINE_KEPT];
-    uint32_t n = list(l, s, d);
+mat4 memory_covariance(const memories *m, const line *l, const scene *s, double scale,
+                       const mat4 *C, double *shared) {
+    record of;
+    mat4 S = {{{0}}};
     double stated = s->noise.position * s->noise.position, likelihood, sum = 0;
+    double dof = list(l, s, &of) ? of.n : 0;
     for (int k = 0; k < MEMORIES; k++) {
         if (m->weight[k] < UNLIKELY)
             continue;
-        double dof = n < LEAST ? 0 : n, own = 0;
-        if (dof > 0)
-            own = filter(d, n, RHO[k], stated, &likelihood);
+        double own = dof > 0 ? filter(&of, k, stated, &likelihood) : 0;
         double variance = (dof * own + PRIOR_DOF * m->variance[k]) / (dof + PRIOR_DOF);
-        sum += m->weight[k] * variance * shared(d, n, RHO[k], C);
+        add_shared(&S, &of, k, m->weight[k] * variance);
+        sum += m->weight[k] * variance;
     }
-    return sum;
+    *shared = 0;
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            *shared += S.m[i][j] * C->m[i][j] / 2;
+    add(&S, scale, &of.H);
+    for (const datum *d = of.d; d < of.d + of.n; d++)
+        add_outer(&S, (sum - scale * stated) * d->views, d->B, d->B);
+    return around(C, &S);
 }

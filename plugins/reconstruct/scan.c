@@ -268,10 +268,14 @@ static void follow_noise(scan *s) {
             line_refine(&s->alive[i]->l, &s->scene);
 }
 
+static double trace(const mat4 *P) {
+    return P->m[0][0] + P->m[1][1] + P->m[2][2] + P->m[3][3];
+}
+
 /* What all kept views tell of the poses' noise. */
 static void find_memory(scan *s) {
     memories *m = &s->scene.memories;
-    double sum = 0, n = 0;
+    double shared, sum = 0, n = 0;
     memory_begin(m);
     for (uint32_t i = 0; i < s->n; i++)
         if (entry_counts(s, s->alive[i]))
@@ -281,10 +285,11 @@ static void find_memory(scan *s) {
         const line *l = &s->alive[i]->l;
         if (!entry_counts(s, s->alive[i]))
             continue;
-        sum += memory_shared(m, l, &s->scene, &l->cov) / l->scale;
+        mat4 P = memory_covariance(m, l, &s->scene, l->scale, &l->cov, &shared);
+        sum += trace(&P) / (l->scale * trace(&l->cov));
         n++;
     }
-    m->mean = n > 0 ? 1 + sum / n : 1;
+    m->mean = n > 0 ? fmax(sum / n, 1) : 1;
 }
 
 static void update_scene(scan *s) {
