@@ -53,8 +53,10 @@ const sequence *sequence_now(void) {
 
 void sequence_look(int frame, const arris_segments *segments, const arris_tracks *tracks,
                    const arris_lines *lines) {
-    n_results = lines->n < 4000 ? lines->n : 4000;
-    memcpy(result, lines->item, n_results * sizeof *result);
+    n_results = 0;
+    for (uint32_t i = 0; i < lines->n && n_results < 4000; i++)
+        if (lines->item[i].change < ARRIS_MERGED)
+            result[n_results++] = lines->item[i];
     (void)frame;
     if (!segments || !tracks)
         return;

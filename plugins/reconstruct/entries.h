@@ -29,8 +29,7 @@ typedef struct entry {
     double told[6];       /* the ends when they were last said to have moved */
     double contradiction; /* chi-square; see line_contradiction */
     struct entry *into;   /* that it was merged into: its tracks go on as that one's */
-    uint32_t at;          /* and when it was last seen, */
-    double stretch[2][3]; /* and from where to where on the line, mm */
+    uint32_t at;          /* `frames` when it was last seen */
     line l;               /* last: it is large */
 } entry;
 

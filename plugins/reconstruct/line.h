@@ -36,6 +36,7 @@ typedef struct scene {
                         * its own is not, and that is in other lines' views, too; 0: they are not */
     double S[9];       /* the covariance of the positions then, mm² */
     double depth;      /* mm; where a line is looked for as long as nothing is known of its own */
+    bool waits;        /* views will tell more: what is known too badly is not judged yet */
     double nearest;    /* mm; no line is nearer; 0: unknown */
 } scene;
 
@@ -169,7 +170,8 @@ double line_baseline(const line *l);
 
 /* Whether two lines, both settled or both not, are the same edge: of the same polarity, or of the
  * opposite when `turned`, overlapping or nearly, and, by the Mahalanobis distance of their four
- * parameters, in the same place. */
+ * parameters, in the same place. While the scene `waits`, only what is known well enough to tell.
+ */
 bool line_same(const line *a, const line *b, const scene *s, bool turned);
 
 /* Whether what was seen as b, which is not settled since the camera moved along it, is where the

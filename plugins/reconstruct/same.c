@@ -74,6 +74,14 @@ static bool far_apart(const line *a, const line *b) {
     return a->settled && arris_dot(d, d) > most * most;
 }
 
+/* Whether so little is known that what is near agrees, whatever it is. */
+static bool vague(const mat4 *S, double limit) {
+    double most = 0;
+    for (int i = 0; i < 4; i++)
+        most = fmax(most, S->m[i][i]);
+    return GATE * most > limit * limit;
+}
+
 bool line_same(const line *a, const line *b, const scene *s, bool turned) {
     double P[2][3], place[2], offset[4], ends[2] = {b->ends[turned], b->ends[!turned]};
     if (a->parted || b->parted) /* it was told apart when its uncertainty was its own */
@@ -93,6 +101,8 @@ bool line_same(const line *a, const line *b, const scene *s, bool turned) {
     add_turned(&S, &C, &b->f, &a->f);
     for (int i = 0; i < 4; i++)
         S.m[i][i] += least * least;
+    if (a->settled && s->waits && vague(&S, NEAR * a->depth))
+        return false;
     if (!a->settled) /* their depth was guessed, at two times */
         S.m[0][0] += a->depth * a->depth, S.m[2][2] += a->depth * a->depth;
     return mat4_invert(&S, &inverse) && mat4_form(&inverse, offset, offset) < GATE;

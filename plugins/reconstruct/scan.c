@@ -39,7 +39,8 @@ scan *scan_new(const scan_params *p) {
     s->scene = (scene){.noise = {p->pose_sigma, p->rot_sigma, false},
                        .scale = 1,
                        .memory = 1,
-                       .depth = TYPICAL_DEPTH};
+                       .depth = TYPICAL_DEPTH,
+                       .waits = true};
     s->weighted = p->pose_sigma;
     s->newest = -1;
     s->turn = 2; /* no place has it yet, nor the one before */
@@ -159,12 +160,8 @@ void scan_add(scan *s, int32_t track, view *v) {
     if (!e)
         return;
     if (v) {
-        double ends[2];
         line_align(&e->l, v);
         v->frame = e->at = s->frames;
-        view_ends(v, &e->l.f, e->l.x, ends);
-        for (int i = 0; i < 2; i++)
-            frame_point(&e->l.f, e->l.x, ends[i], e->stretch[i]);
     }
     *find_now(s, track) = (link){track, s->turn, e};
     s->linked++;
@@ -365,6 +362,7 @@ void scan_end_frame(scan *s, bool counts) {
 }
 
 void scan_finish(scan *s) {
+    s->scene.waits = false;
     drop(s);
     for (uint32_t i = 0; i < s->n; i++) {
         entry *e = s->alive[i];

@@ -12,6 +12,7 @@ enum { ROUNDS = 16 };            /* of splitting at the end, at most */
 enum { CORRECTIONS = 3 };        /* of the poses, in the first */
 static const double SUDDEN = 40; /* chi-square over the noise's by which views contradict */
 static const double WORST = 0.9; /* of the most */
+static const double BESIDE = 1;  /* px: nearer, and alike, it may be one edge found twice */
 
 /* ---- merging -------------------------------------------------------------------------------- */
 
@@ -30,45 +31,65 @@ static void merge(const scan *s, entry *a, entry *b) {
     entry_leave(b, ARRIS_MERGED, a->out.id);
 }
 
-/* Whether both were last seen in one frame, and beside each other. */
-static bool side_by_side(const entry *a, const entry *b) {
-    double u[3], from = 0, to = 0;
-    for (int i = 0; i < 3; i++)
-        u[i] = a->stretch[1][i] - a->stretch[0][i];
-    double length = arris_unit(u);
-    for (int i = 0; i < 3; i++) {
-        from += u[i] * (b->stretch[0][i] - a->stretch[0][i]);
-        to += u[i] * (b->stretch[1][i] - a->stretch[0][i]);
-    }
-    return a->at == b->at && fmax(from, to) > 0 && fmin(from, to) < length;
+/* Whether two views have half of the shorter stretch of the line in common. */
+static bool overlap(const line *l, const view *v, const view *w) {
+    double p[2], q[2];
+    view_ends(v, &l->f, l->x, p);
+    view_ends(w, &l->f, l->x, q);
+    return fabs(p[0] + p[1] - q[0] - q[1]) < fmax(fabs(p[1] - p[0]), fabs(q[1] - q[0]));
 }
 
-/* Whether two lines are one edge. That may be seen in either polarity, but not in both at once. */
-static bool same_edge(const scan *s, const entry *a, const entry *b) {
-    if (a->l.settled != b->l.settled)
-        return a->l.settled ? line_explains(&a->l, &b->l, &s->scene)
-                            : line_explains(&b->l, &a->l, &s->scene);
-    return line_same(&a->l, &b->l, &s->scene, false) ||
-           (a->l.settled && !side_by_side(a, b) && line_same(&a->l, &b->l, &s->scene, true));
+/* Whether some frame saw the two beside each other; anywhere at all when they are `turned`. */
+static bool side_by_side(const line *a, const line *b, bool turned) {
+    double least = turned ? 0 : BESIDE;
+    for (uint32_t i = 0; i < a->n_kept; i++)
+        for (uint32_t k = 0; k < b->n_kept; k++) {
+            const view *v = &a->kept[i], *w = &b->kept[k];
+            if (v->frame == w->frame && a->inlier[i] && b->inlier[k] &&
+                fabs(arris_dot(v->plane, w->ray)) >= least && overlap(a, v, w))
+                return true;
+        }
+    return false;
+}
+
+/* Whether two lines are one edge. That may be seen in either polarity, but not twice at once. */
+static bool same_edge(const scan *s, const entry *a, const entry *b, bool turned) {
+    const line *l = &a->l, *m = &b->l;
+    if (l->settled && m->settled)
+        return line_same(l, m, &s->scene, turned) && !side_by_side(l, m, turned);
+    if (turned)
+        return false;
+    if (l->settled != m->settled)
+        return l->settled ? line_explains(l, m, &s->scene) : line_explains(m, l, &s->scene);
+    return line_same(l, m, &s->scene, false);
 }
 
 /* Merges the line with each that is the same edge, into the older one. */
-static void merge_with_others(const scan *s, uint32_t index) {
+static void merge_with_others(const scan *s, uint32_t index, bool turned) {
     entry *e = s->alive[index];
-    e->next_merge = e->l.seen + 1 + e->l.seen / 4;
     for (uint32_t i = 0; i < s->n && !e->leaving; i++) {
         entry *o = s->alive[i];
-        if (i == index || o->leaving || !o->listed || !same_edge(s, o, e))
+        if (i == index || o->leaving || !o->listed || !same_edge(s, o, e, turned))
             continue;
         merge(s, i < index ? o : e, i < index ? e : o);
     }
 }
 
+static bool is_due(const entry *e) {
+    return !e->leaving && e->listed && e->changed && e->l.seen >= e->next_merge;
+}
+
+/* Those of one polarity come first: an edge seldom changes it, and two edges that are near are
+ * mostly opposite. */
 void unite_merge(scan *s) {
+    for (int turned = 0; turned < 2; turned++)
+        for (uint32_t i = 0; i < s->n; i++)
+            if (is_due(s->alive[i]))
+                merge_with_others(s, i, turned);
     for (uint32_t i = 0; i < s->n; i++) {
-        const entry *e = s->alive[i];
-        if (!e->leaving && e->listed && e->changed && e->l.seen >= e->next_merge)
-            merge_with_others(s, i);
+        entry *e = s->alive[i];
+        if (is_due(e))
+            e->next_merge = e->l.seen + 1 + e->l.seen / 4;
     }
 }
 
