@@ -203,7 +203,9 @@ static bool moved(const entry *e) {
 static void tell(scan *s, entry *e) {
     arris_line out = e->out;
     bool fitted = !e->listed || e->told_fit != e->l.next_fit;
-    if (e->l.all.n < (uint32_t)s->p.min_views || !(e->l.settled || fitted))
+    bool revoked = e->listed && !e->l.settled && e->out.state != ARRIS_UNOBSERVABLE;
+    bool known = e->l.all.n >= (uint32_t)s->p.min_views && (e->l.settled || fitted);
+    if (!known && !revoked)
         return;
     e->told_fit = e->l.next_fit;
     if (!line_report(&e->l, &s->scene, s->p.limit, &out)) {
@@ -382,6 +384,8 @@ void scan_finish(scan *s) {
             continue;
         if (e->l.settled)
             line_weigh(&e->l, &s->scene);
+        else if (e->l.n_kept > 0)
+            line_fit(&e->l, &s->scene);
         if (e->l.settled && s->scene.noise.corrected)
             e->l.common = path_covariance(s->path, &e->l, &s->scene);
         e->out.change = ARRIS_SAME;
