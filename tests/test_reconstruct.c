@@ -604,6 +604,34 @@ static void ends_are_where_the_edge_ends(void **state) {
     scan_free(s);
 }
 
+/* An edge that is seen in two pieces, the upper one in 14 frames of 40, reaches to the end of that:
+ * it was there in the 14, whatever saw the other piece. */
+static void pieces_are_of_one_edge(void **state) {
+    (void)state;
+    edge piece[2] = {upright, upright};
+    linear r;
+    line l;
+    double end[3];
+    for (int i = 0; i < 3; i++) {
+        piece[0].q[i] = 0.4 * upright.p[i] + 0.6 * upright.q[i];
+        piece[1].p[i] = 0.38 * upright.p[i] + 0.62 * upright.q[i];
+    }
+    line_begin(&l, 0);
+    for (int i = 0; i < 40; i++) {
+        arris_pose pose = on_path(i, 40);
+        for (int k = 0; k < (i % 20 < 7 ? 2 : 1); k++) {
+            view v;
+            assert_true(see(&piece[k], &pose, 0.05, &v));
+            v.frame = (uint32_t)i;
+            line_add(&l, &v, &known, &r);
+        }
+    }
+    line_complete(&l, &known);
+    frame_point(&l.f, l.x, l.ends[1], end);
+    for (int i = 0; i < 3; i++)
+        assert_true(fabs(end[i] - upright.q[i]) < 5);
+}
+
 /* An edge whose track broke is one line; its neighbour and its opposite are lines of their own. */
 static void one_line_per_edge(void **state) {
     (void)state;
@@ -1026,6 +1054,7 @@ int main(void) {
         cmocka_unit_test(few_views_claim_nothing),
         cmocka_unit_test(standing_still_is_unobservable),
         cmocka_unit_test(ends_are_where_the_edge_ends),
+        cmocka_unit_test(pieces_are_of_one_edge),
         cmocka_unit_test(one_line_per_edge),
         cmocka_unit_test(neighbours_are_told_apart),
         cmocka_unit_test(meeting_edges_are_two),

@@ -2,10 +2,8 @@
  *
  * trim.c: where a line ends. End points scatter, and lines enter and leave the picture: so a line
  * reaches to where still a good part of those views saw it that could. Where it is foreshortened a
- * view tells little of that, and counts little.
+ * view tells little of that, and counts little. A frame that saw the edge in pieces is one.
  */
-#include <math.h>
-
 #include <math.h>
 #include <stddef.h>
 
@@ -21,6 +19,7 @@ typedef struct reach {
     lane seen[2], visible[2];
     lane pixel[2];  /* mm that a pixel measures along the line at its ends */
     lane weight[2]; /* what the view tells of where an end is, mm⁻² */
+    lane share;     /* of its frame, that may have seen the edge in pieces */
 } reach;
 
 /* Where the line M + s D passes the picture's points `px` along the segments (view_places):
@@ -98,7 +97,7 @@ INLINE bool supported(const reach *v, uint32_t blocks, uint32_t n, int end, doub
     for (uint32_t i = 0; i < blocks; i++) {
         lane_bits could = (v[i].visible[0] <= at) & (v[i].visible[1] >= at);
         lane_bits did = (v[i].seen[0] <= at) & (v[i].seen[1] >= at);
-        visible += (lane)((lane_bits)v[i].weight[end] & could);
+        visible += (lane)((lane_bits)(v[i].weight[end] * v[i].share) & could);
         seen += (lane)((lane_bits)v[i].weight[end] & did);
         views -= did;
     }
@@ -123,10 +122,24 @@ INLINE void settle_end(line *l, const reach *v, uint32_t blocks, int end) {
     l->pixel[end] = sqrt((double)(views[0] + views[1] + views[2] + views[3]) / total(all));
 }
 
+/* Of a view's frame, its share: one over the number of views there that take part. */
+INLINE void share_frames(const line *l, double share[LINE_KEPT]) {
+    uint32_t number[LINE_KEPT], n;
+    for (uint32_t i = 0; i < LINE_KEPT; i++)
+        number[i] = i < l->n_kept && l->inlier[i] ? l->kept[i].frame : UINT32_MAX;
+    for (uint32_t i = 0; i < l->n_kept; i++) {
+        n = 0;
+        for (uint32_t k = 0; k < LINE_KEPT; k++)
+            n += number[k] == number[i];
+        share[i] = 1.0 / n;
+    }
+}
+
 INLINE void trim(line *l) {
     reach v[LINE_KEPT / VIEWS];
     uint32_t blocks = 0, n = 0;
-    double M[3], D[3], ends[2] = {(double)INFINITY, -(double)INFINITY};
+    double M[3], D[3], ends[2] = {(double)INFINITY, -(double)INFINITY}, share[LINE_KEPT];
+    share_frames(l, share);
     frame_line(&l->f, l->x, M, D);
     for (uint32_t i = 0; i < l->n_kept; i += VIEWS) {
         const view *u[VIEWS];
@@ -135,6 +148,7 @@ INLINE void trim(line *l) {
             bool there = i + k < l->n_kept;
             u[k] = &l->kept[there ? i + k : i];
             taken[k] = -(int64_t)(there && l->inlier[i + k]);
+            v[blocks].share[k] = share[there ? i + k : i];
         }
         reach_of(u, taken, l, M, D, &v[blocks++]);
     }
