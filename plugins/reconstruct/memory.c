@@ -258,12 +258,12 @@ mat4 memory_covariance(const memories *m, const line *l, const scene *s, double 
     record of;
     mat4 S = {{{0}}};
     double stated = s->noise.position * s->noise.position, likelihood, sum = 0;
-    double dof = list(l, s, &of) ? of.n : 0;
+    bool tells = list(l, s, &of);
     for (int k = 0; k < MEMORIES; k++) {
         if (m->weight[k] < UNLIKELY)
             continue;
-        double own = dof > 0 ? filter(&of, k, stated, &likelihood) : 0;
-        double variance = (dof * own + PRIOR_DOF * m->variance[k]) / (dof + PRIOR_DOF);
+        double own = tells ? filter(&of, k, stated, &likelihood) : scale * stated;
+        double variance = (of.n * own + PRIOR_DOF * m->variance[k]) / (of.n + PRIOR_DOF);
         add_shared(&S, &of, k, m->weight[k] * variance);
         sum += m->weight[k] * variance;
     }
@@ -273,6 +273,6 @@ mat4 memory_covariance(const memories *m, const line *l, const scene *s, double 
             *shared += S.m[i][j] * C->m[i][j] / 2;
     add(&S, scale, &of.H);
     for (const datum *d = of.d; d < of.d + of.n; d++)
-        add_outer(&S, (sum - scale * stated) * d->views, d->B, d->B);
+        add_outer(&S, fmax(sum - scale * stated, 0) * d->views, d->B, d->B);
     return around(C, &S);
 }
