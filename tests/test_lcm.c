@@ -515,8 +515,10 @@ static counted count_log(bool damaged) {
     fault f;
     lcm_link *l = open_log("");
     assert_int_equal(link_subscribe(l, "COUNT", 1, on_count, NULL, &c, &f), 0);
-    for (link_start(l); !link_ended(l);)
+    link_start(l);
+    for (int i = 0; i < 6000 && !link_ended(l); i++)
         nanosleep(&(struct timespec){0, 5000000}, NULL);
+    assert_true(link_ended(l));
     assert_int_equal(link_trouble(l) != NULL, damaged);
     link_close(l);
     return c;
