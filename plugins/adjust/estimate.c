@@ -26,7 +26,7 @@ static const double LEAST[2] = {1e-6, 1e-6}; /* below which it is none; likewise
 static const double FITTED = 2;              /* numbers of an axis that the scan's place takes */
 static const double NOISE = 3;               /* sigmas from which a correlation is none by chance */
 static const double ENOUGH = 3;              /* degrees of freedom that tell a sigma */
-static const double INDEPENDENT = 2.3;       /* values of it at most, in any number of views */
+static const double INDEPENDENT = 2.3;       /* values at most, of what no profile explains */
 static const double FAR = 7;                 /* robust sigmas from which a pose is an outlier */
 enum { FEW = 10 };                           /* frames that do not tell what an outlier is */
 
