@@ -437,7 +437,7 @@ static void a_cell_measures_live_as_offline(void **state) {
     (void)state;
     if (!there)
         skip();
-    setenv("CELL_FPS", "10", 1);
+    setenv("CELL_FPS", "5", 1);
     setenv("CELL_RATE", "50", 1);
     process p = process_start(NULL, -1, (char *[]){"samples/cell/run.sh", "5", NULL});
     process_wait(&p);
